@@ -1,0 +1,2 @@
+//! Control code.
+#![cfg_attr(not(test), no_std)]
