@@ -11,6 +11,9 @@
 //!  0x100+n Status   node n → coordinator            100 Hz
 //! ```
 //!
+//! A payload ends in zeros up to the next length CAN-FD knows (0–8, 12, 16, 20, 24, 32, 48, 64); a receiver accepts
+//! trailing zeros and nothing else after the message. CAN checks its frames itself (CRC-17/21), so there is no CRC here.
+//!
 //! A set becomes active everywhere in one cycle or nowhere: `Stage` puts it into every node, `Activate` is sent only
 //! after all three answered `Staged`, and the knee, which owns the cycle counter, names the generation in force in every
 //! `Gait` frame. A node swaps when a boundary (`CycleStart` or `Boundary`) names a generation it has staged.
@@ -296,14 +299,25 @@ fn frame<T: Serialize>(id: u16, body: &T) -> Frame {
     // refused by every receiver as malformed.
     if data.resize(MAX_PAYLOAD, 0).is_ok() {
         let used = postcard::to_slice(body, &mut data).map_or(0, |bytes| bytes.len());
-        data.truncate(used);
+        data.truncate(padded(used));
     }
     Frame { id, data }
 }
 
+/// The shortest payload length of CAN-FD that holds `length` bytes.
+const fn padded(length: usize) -> usize {
+    match length {
+        0..=8 => length,
+        9..=24 => length.next_multiple_of(4),
+        25..=32 => 32,
+        33..=48 => 48,
+        _ => MAX_PAYLOAD,
+    }
+}
+
 fn body<'a, T: Deserialize<'a>>(id: u16, data: &'a [u8]) -> Result<T, BusError> {
     match postcard::take_from_bytes(data) {
-        Ok((value, [])) => Ok(value),
+        Ok((value, padding)) if padding.iter().all(|byte| *byte == 0) => Ok(value),
         _ => Err(BusError::Malformed(id)),
     }
 }

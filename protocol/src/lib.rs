@@ -3,7 +3,12 @@
 
 pub mod bus;
 pub mod fixed;
+pub mod frame;
+pub mod host;
 pub mod params;
+pub mod schema;
+// pub mod session;
+pub mod telemetry;
 
 /// Whether `a` is newer than `b` on a counter that wraps: less than half of its range ahead.
 pub const fn newer(a: u32, b: u32) -> bool {
