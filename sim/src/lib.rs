@@ -1,0 +1,3 @@
+//! Robot without hardware.
+
+pub mod robot;
