@@ -1,0 +1,304 @@
+//! LPG1: the linear actuators (paper, Fig. 3). It owns the cycle and raises the flags the other two follow.
+//!
+//! ```text
+//!          both feet loaded, Factor > 0.07, rested          kick height or time
+//!   Idle ──────────────────────────────────────────▶ Kick ─────────────────────▶ Retract
+//!    ▲  one foot loaded, ξ high, rested longer               (CycleStart)           │ −Step
+//!    │                                                                              ▼
+//!    └────────────── at rest height, or loaded again and still falling ───────── Extend
+//!      (CycleEnd)                        (LiftOff when the foot unloads, Touchdown when it loads)
+//! ```
+//!
+//! Every state has a time-out; at most one step is counted per cycle.
+
+use heapless::Vec;
+use sarah_protocol::bus::{GaitEvent, Motion, Side};
+use sarah_protocol::fixed::Q16;
+use sarah_protocol::params::ParamSet;
+
+use super::factor::{self, Divider, FACTOR_THRESHOLD_Q30};
+use super::rules::KneeRules;
+use super::{Drive, longer};
+
+/// P1–P3 in fixed point.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct KneeParams {
+    /// P1, m/s.
+    pub kick: Q16,
+    /// P2, m/s.
+    pub retract: Q16,
+    /// P3, m/s.
+    pub extend: Q16,
+}
+
+impl From<&ParamSet> for KneeParams {
+    fn from(set: &ParamSet) -> Self {
+        let [p1, p2, p3, ..] = *set.values();
+        KneeParams {
+            kick: Q16::from_f32(p1),
+            retract: Q16::from_f32(p2),
+            extend: Q16::from_f32(p3),
+        }
+    }
+}
+
+/// Where the cycle is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[repr(u8)]
+pub enum Phase {
+    /// At rest, braked.
+    #[default]
+    Idle = 0,
+    /// Extending a little to shift the weight onto the other leg.
+    Kick = 1,
+    /// Lifting the foot.
+    Retract = 2,
+    /// Bringing it back down.
+    Extend = 3,
+}
+
+/// What one tick sees.
+#[derive(Clone, Copy, Debug)]
+pub struct KneeInputs<'a> {
+    /// Since the last tick.
+    pub dt_us: u32,
+    /// Contact force under \[left, right\] foot, N.
+    pub load: [Q16; 2],
+    /// Stroke \[left, right\], m, extension positive, 0 at rest.
+    pub position: [Q16; 2],
+    /// Newest IMU products.
+    pub motion: &'a Motion,
+    /// Whether a new cycle may start.
+    pub may_start: bool,
+}
+
+/// What one tick decides.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct KneeOutputs {
+    /// Command for the \[left, right\] actuator.
+    pub drive: [Drive; 2],
+    /// Flags raised, in order.
+    pub events: Vec<GaitEvent, 4>,
+    /// A state ran into its time-out in this tick.
+    pub timed_out: bool,
+}
+
+/// State of LPG1.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Knee {
+    rules: KneeRules,
+    phase: Phase,
+    swing: Side,
+    /// Since the current phase began; saturates.
+    phase_us: u32,
+    /// Step height of this cycle, m.
+    step: Q16,
+    /// The swing foot was unloaded at some time of this cycle.
+    lifted: bool,
+    /// The swing foot is in the air now.
+    airborne: bool,
+    counted: bool,
+    stepped_before: bool,
+    steps: u32,
+    cycle: u32,
+    factor_q30: u32,
+}
+
+impl Knee {
+    /// At rest.
+    pub const fn new(rules: KneeRules) -> Knee {
+        Knee {
+            rules,
+            phase: Phase::Idle,
+            swing: Side::Left,
+            phase_us: u32::MAX,
+            step: Q16::ZERO,
+            lifted: false,
+            airborne: false,
+            counted: false,
+            stepped_before: false,
+            steps: 0,
+            cycle: 0,
+            factor_q30: 0,
+        }
+    }
+
+    /// Where the cycle is.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The swing leg of the current or last cycle.
+    pub fn swing(&self) -> Side {
+        self.swing
+    }
+
+    /// Steps since boot; wraps.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Cycles since boot; wraps.
+    pub fn cycle(&self) -> u32 {
+        self.cycle
+    }
+
+    /// Factor (eq. 1) of the last tick.
+    pub fn factor(&self) -> Q16 {
+        factor::q30_to_q16(self.factor_q30)
+    }
+
+    /// Ends the cycle where it is. True if one was running.
+    pub fn abort(&mut self) -> bool {
+        let running = self.phase != Phase::Idle;
+        if running {
+            self.enter(Phase::Idle);
+        }
+        self.airborne = false;
+        running
+    }
+
+    /// One control tick.
+    pub fn tick<D: Divider>(
+        &mut self,
+        divider: &D,
+        inputs: &KneeInputs,
+        params: &KneeParams,
+    ) -> KneeOutputs {
+        let mut out = KneeOutputs::default();
+        self.phase_us = self.phase_us.saturating_add(inputs.dt_us);
+        let loaded = inputs.load.map(|force| force > self.rules.loaded_n);
+        let motion = inputs.motion;
+        self.factor_q30 = factor::factor(divider, motion.acceleration, motion.rotation);
+        let xi = [0, 1].map(|axis: usize| self.xi(motion, axis));
+
+        if self.phase == Phase::Idle
+            && inputs.may_start
+            && let Some(swing) = self.start(loaded, xi)
+        {
+            self.swing = swing;
+            self.step = factor::q30_to_q16(factor::step(divider, self.factor_q30))
+                .clamp(self.rules.step.0, self.rules.step.1);
+            self.lifted = false;
+            self.airborne = false;
+            self.counted = false;
+            self.stepped_before = true;
+            self.cycle = self.cycle.wrapping_add(1);
+            self.enter(Phase::Kick);
+            raise(&mut out, GaitEvent::CycleStart);
+        }
+
+        let leg = self.swing as usize;
+        let position = inputs.position[leg];
+        let grounded = loaded[leg];
+        let mut drive = Drive::Brake;
+
+        if self.phase == Phase::Kick {
+            let height = self.rules.kick_fraction.times(self.step);
+            if position >= height || self.passed(self.rules.kick_us, inputs.dt_us) {
+                self.enter(Phase::Retract);
+            } else {
+                drive = Drive::Velocity(params.kick);
+            }
+        }
+        if self.phase == Phase::Retract {
+            let late = self.passed(self.rules.stroke_us, inputs.dt_us);
+            if position <= -self.step || late {
+                out.timed_out |= late;
+                self.enter(Phase::Extend);
+            } else {
+                drive = Drive::Velocity(-params.retract);
+            }
+        }
+        if self.phase == Phase::Extend {
+            let landed = grounded && self.lifted;
+            let speed = if landed {
+                self.rules.touchdown_speed.min(params.extend)
+            } else {
+                params.extend
+            };
+            let lead = speed.scaled(self.rules.lead_us as i32, 0).0 / 1_000_000;
+            let late = self.passed(self.rules.stroke_us, inputs.dt_us);
+            let falling = landed && longer(xi[0], xi[1], self.rules.brake_xi);
+            if position >= -(Q16(lead) + self.rules.lead_margin) || late || falling {
+                out.timed_out |= late;
+                self.flags(grounded, true, &mut out);
+                self.enter(Phase::Idle);
+                raise(&mut out, GaitEvent::CycleEnd);
+                drive = Drive::Brake;
+            } else {
+                drive = Drive::Velocity(speed);
+            }
+        }
+        match self.phase {
+            Phase::Retract => self.flags(grounded, false, &mut out),
+            Phase::Extend => self.flags(grounded, true, &mut out),
+            // A foot that was still in the air when its leg came to rest lands now.
+            Phase::Idle if self.airborne && grounded => self.flags(true, true, &mut out),
+            Phase::Idle | Phase::Kick => {}
+        }
+        out.drive[leg] = drive;
+        out
+    }
+
+    /// ξ along one axis: where the fall is heading, rad/s.
+    fn xi(&self, motion: &Motion, axis: usize) -> Q16 {
+        motion.rate[axis] + self.rules.pendulum.times(motion.lean[axis])
+    }
+
+    /// The leg to swing if a cycle starts now.
+    fn start(&self, loaded: [bool; 2], xi: [Q16; 2]) -> Option<Side> {
+        let rules = &self.rules;
+        match loaded {
+            [true, true]
+                if self.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us =>
+            {
+                let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
+                Some(match (fresh, xi[1] > Q16::ZERO) {
+                    (false, _) => self.swing.other(),
+                    (true, true) => Side::Left,
+                    (true, false) => Side::Right,
+                })
+            }
+            [left, right]
+                if left != right
+                    && longer(xi[0], xi[1], rules.chain_xi)
+                    && self.phase_us >= rules.chain_dwell_us =>
+            {
+                Some(if left { Side::Right } else { Side::Left })
+            }
+            _ => None,
+        }
+    }
+
+    /// Follows the swing foot's load, raises the flags, counts the step.
+    fn flags(&mut self, grounded: bool, may_count: bool, out: &mut KneeOutputs) {
+        if !grounded && !self.airborne {
+            self.airborne = true;
+            self.lifted = true;
+            raise(out, GaitEvent::LiftOff);
+        } else if grounded && self.airborne {
+            self.airborne = false;
+            raise(out, GaitEvent::Touchdown);
+        }
+        if grounded && self.lifted && may_count && !self.counted {
+            self.counted = true;
+            self.steps = self.steps.wrapping_add(1);
+        }
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+        self.phase_us = 0;
+    }
+
+    /// Whether this tick is the nearest to `limit` since the phase began.
+    fn passed(&self, limit_us: u32, dt_us: u32) -> bool {
+        self.phase_us.saturating_add(dt_us / 2) >= limit_us
+    }
+}
+
+/// Four events are the most a tick can raise (start, lift-off, touchdown, end), so the push cannot fail.
+fn raise(out: &mut KneeOutputs, event: GaitEvent) {
+    let _ = out.events.push(event);
+}

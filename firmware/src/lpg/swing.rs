@@ -1,0 +1,192 @@
+//! LPG2 (hips) and LPG3 (abductors): one rule, used twice (paper, Fig. 2).
+//!
+//! At lift-off of the swing leg the target is computed **once** from where the trunk is falling:
+//!
+//! ```text
+//! x = slow rate + C·lean                                            C: H2, V2
+//! |x| ≤ dead band (H1, V1):  target 0
+//! otherwise:                 sgn(x)·(a·x² + b·|x| + c), within reach    a: H3, V3   b: H4, V4
+//! ```
+//!
+//! The leg moves there at constant speed (H5, V5) while its foot is in the air, and brakes on target, at touchdown or at
+//! the end of the cycle. It is not guaranteed to return to rest.
+
+use sarah_protocol::bus::{GaitEvent, Motion, Side};
+use sarah_protocol::fixed::Q16;
+use sarah_protocol::params::{Lpg, ParamSet};
+
+use super::Drive;
+use super::rules::SwingRules;
+
+/// H1–H5 or V1–V5 in fixed point.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct SwingParams {
+    /// Dead band of |x|, rad/s.
+    pub dead_band: Q16,
+    /// Weight of lean, 1/s.
+    pub lean_weight: Q16,
+    /// Quadratic coefficient, rad s²/rad².
+    pub quadratic: Q16,
+    /// Linear coefficient, s.
+    pub linear: Q16,
+    /// Speed of the move, rad/s.
+    pub speed: Q16,
+}
+
+impl SwingParams {
+    /// The parameters of LPG2 or LPG3; for [`Lpg::Knee`] there are none.
+    pub fn of(set: &ParamSet, lpg: Lpg) -> Option<SwingParams> {
+        match set.values().get(lpg.range())? {
+            &[dead_band, lean_weight, quadratic, linear, speed] => Some(SwingParams {
+                dead_band: Q16::from_f32(dead_band),
+                lean_weight: Q16::from_f32(lean_weight),
+                quadratic: Q16::from_f32(quadratic),
+                linear: Q16::from_f32(linear),
+                speed: Q16::from_f32(speed),
+            }),
+            _ => None,
+        }
+    }
+}
+
+/// Where the move is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[repr(u8)]
+pub enum Phase {
+    /// Waiting for a cycle.
+    #[default]
+    Idle = 0,
+    /// A cycle runs, the foot has not lifted yet.
+    Ready = 1,
+    /// Moving.
+    Moving = 2,
+    /// In a cycle, braked: on target, or the foot is down.
+    Held = 3,
+}
+
+/// State of LPG2 or LPG3.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Swing {
+    rules: SwingRules,
+    phase: Phase,
+    leg: Side,
+    target: Option<Q16>,
+    arrived: bool,
+    moving_us: u32,
+}
+
+impl Swing {
+    /// At rest.
+    pub const fn new(rules: SwingRules) -> Swing {
+        Swing {
+            rules,
+            phase: Phase::Idle,
+            leg: Side::Left,
+            target: None,
+            arrived: false,
+            moving_us: 0,
+        }
+    }
+
+    /// Where the move is.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The target of the current or last move, rad.
+    pub fn target(&self) -> Option<Q16> {
+        self.target
+    }
+
+    /// Ends the move where it is.
+    pub fn abort(&mut self) {
+        self.phase = Phase::Idle;
+    }
+
+    /// A flag of LPG1.
+    pub fn on_gait(
+        &mut self,
+        event: GaitEvent,
+        swing: Side,
+        motion: &Motion,
+        params: &SwingParams,
+    ) {
+        match (event, self.phase) {
+            (GaitEvent::CycleStart, _) => {
+                self.leg = swing;
+                self.target = None;
+                self.arrived = false;
+                self.moving_us = 0;
+                self.phase = Phase::Ready;
+            }
+            (GaitEvent::LiftOff, Phase::Ready | Phase::Held) => {
+                // A foot that bounces lifts again within the cycle: the move goes on, the decision stands.
+                if self.target.is_none() {
+                    self.target = Some(self.aim(motion, params));
+                }
+                self.phase = if self.arrived {
+                    Phase::Held
+                } else {
+                    Phase::Moving
+                };
+            }
+            (GaitEvent::Touchdown, Phase::Moving) => self.phase = Phase::Held,
+            (GaitEvent::CycleEnd, _) => self.phase = Phase::Idle,
+            _ => {}
+        }
+    }
+
+    /// One control tick: commands for the \[left, right\] joint and whether the move ran out of time.
+    pub fn tick(
+        &mut self,
+        dt_us: u32,
+        position: [Q16; 2],
+        params: &SwingParams,
+    ) -> ([Drive; 2], bool) {
+        let mut drive = [Drive::Brake; 2];
+        let leg = self.leg as usize;
+        let mut timed_out = false;
+        if let (Phase::Moving, Some(target)) = (self.phase, self.target) {
+            let error = target - position[leg];
+            self.moving_us = self.moving_us.saturating_add(dt_us);
+            timed_out = self.moving_us > self.rules.move_us;
+            // Nearer than half a tick's travel is as near as this tick rate gets.
+            let near = Q16((params.speed.0 as i64 * dt_us as i64 / 2_000_000) as i32);
+            if error.abs() <= near || timed_out {
+                self.arrived = true;
+                self.phase = Phase::Held;
+            } else {
+                drive[leg] = Drive::Velocity(params.speed.signed(error.signum()));
+            }
+        }
+        (drive, timed_out)
+    }
+
+    fn aim(&self, motion: &Motion, params: &SwingParams) -> Q16 {
+        let rules = &self.rules;
+        let (Some(&rate), Some(&lean)) = (
+            motion.slow_rate.get(rules.axis),
+            motion.lean.get(rules.axis),
+        ) else {
+            return Q16::ZERO;
+        };
+        let x = rate + params.lean_weight.times(lean);
+        if x.abs() <= params.dead_band {
+            return Q16::ZERO;
+        }
+        let size = x.abs();
+        let reach =
+            params.quadratic.times(size.times(size)) + params.linear.times(size) + rules.constant;
+        if !rules.outward_only {
+            return reach.clamp(-rules.reach, rules.reach).signed(x.signum());
+        }
+        let outward = self.leg.sign();
+        let with_fall = x.signum() == outward;
+        let angle = if with_fall {
+            reach
+        } else {
+            rules.opposite.times(size)
+        };
+        angle.clamp(Q16::ZERO, rules.reach).signed(outward)
+    }
+}

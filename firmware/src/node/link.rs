@@ -1,0 +1,256 @@
+//! What every node does alike: mode and halt, freshness, parameters, end stops, status.
+
+use sarah_protocol::bus::{Message, Mode, Motion, NodeId, Stage, Staged, Status, limits};
+use sarah_protocol::fixed::Q16;
+use sarah_protocol::newer;
+use sarah_protocol::params::ParamSet;
+
+use super::{Outputs, Sensors};
+use crate::lpg::Drive;
+
+/// IMU products older than this are no basis for motion: five samples at the slowest IMU rate.
+pub const MOTION_TIMEOUT_US: u32 = 50_000;
+/// Between two status messages.
+pub const STATUS_PERIOD_US: u32 = 10_000;
+
+/// What a node is born with.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct NodeConfig {
+    /// Generation 0: the set built into the image.
+    pub default: ParamSet,
+    /// Tells a restart from a silence; drawn anew at every boot.
+    pub boot_nonce: u16,
+    /// Joints brake before they pass ± this, m or rad.
+    pub end_stop: Q16,
+    /// Positions beyond ± this cannot be: the last good one is used.
+    pub plausible: Q16,
+}
+
+/// Shared state of a node.
+#[derive(Clone, PartialEq, Debug)]
+pub struct NodeLink {
+    id: NodeId,
+    config: NodeConfig,
+    mode: Mode,
+    halted: bool,
+    motion: Motion,
+    motion_age_us: u32,
+    applied: (u32, ParamSet),
+    staged: Option<(u32, ParamSet)>,
+    since_status_us: u32,
+    good: Sensors,
+    /// Reasons of this tick.
+    limits: u16,
+    /// Reasons since the last status message.
+    reported: u16,
+}
+
+impl NodeLink {
+    /// Braked, with the built-in set, having heard nothing.
+    pub const fn new(id: NodeId, config: NodeConfig) -> NodeLink {
+        NodeLink {
+            id,
+            config,
+            mode: Mode::Braked,
+            halted: false,
+            motion: Motion {
+                sequence: 0,
+                mode: Mode::Braked,
+                acceleration: Q16::lit(9.81),
+                rotation: Q16::ZERO,
+                rate: [Q16::ZERO; 2],
+                slow_rate: [Q16::ZERO; 2],
+                lean: [Q16::ZERO; 2],
+            },
+            motion_age_us: u32::MAX,
+            applied: (0, config.default),
+            staged: None,
+            since_status_us: STATUS_PERIOD_US,
+            good: Sensors {
+                position: [Q16::ZERO; 2],
+                load: [Q16::ZERO; 4],
+            },
+            limits: 0,
+            reported: 0,
+        }
+    }
+
+    /// Which node this is.
+    pub fn id(&self) -> NodeId {
+        self.id
+    }
+
+    /// Newest IMU products.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Generation in force and its set.
+    pub fn applied(&self) -> (u32, &ParamSet) {
+        (self.applied.0, &self.applied.1)
+    }
+
+    /// Generation staged.
+    pub fn staged(&self) -> Option<u32> {
+        self.staged.as_ref().map(|(generation, _)| *generation)
+    }
+
+    /// Brakes are due at once: never armed, disarmed, or halted.
+    pub fn must_brake(&self) -> bool {
+        self.halted || self.mode == Mode::Braked
+    }
+
+    /// IMU products are fresh: a new cycle may start.
+    pub fn fresh(&self) -> bool {
+        self.motion_age_us <= MOTION_TIMEOUT_US
+    }
+
+    /// Adds a reason, one of [`limits`].
+    pub fn limit(&mut self, reason: u16) {
+        self.limits |= reason;
+    }
+
+    /// The part of the bus traffic all nodes treat alike.
+    pub fn on_message(&mut self, message: &Message) -> Option<Message> {
+        match message {
+            Message::Halt(_) => {
+                self.halted = true;
+                None
+            }
+            Message::Motion(motion) => {
+                // The halt is unlatched only by motion messages that say braked: an armed one that was already under
+                // way when the halt went out must not release it.
+                if motion.mode == Mode::Braked {
+                    self.halted = false;
+                }
+                self.mode = motion.mode;
+                self.motion = *motion;
+                self.motion_age_us = 0;
+                None
+            }
+            Message::Stage(stage) => self.stage(stage),
+            _ => None,
+        }
+    }
+
+    fn stage(&mut self, stage: &Stage) -> Option<Message> {
+        let generation = stage.generation;
+        // What is in force stays in force: a late copy of it is acknowledged, anything older is ignored.
+        if generation != self.applied.0 {
+            if !newer(generation, self.applied.0) {
+                return None;
+            }
+            match ParamSet::new(stage.params) {
+                Ok(set) => self.staged = Some((generation, set)),
+                Err(error) => {
+                    return Some(Message::Staged(
+                        self.id,
+                        Staged {
+                            generation,
+                            result: Err(error),
+                        },
+                    ));
+                }
+            }
+        }
+        Some(Message::Staged(
+            self.id,
+            Staged {
+                generation,
+                result: Ok(()),
+            },
+        ))
+    }
+
+    /// Puts the staged set into force if it is `generation`. Call only between cycles.
+    pub fn swap_to(&mut self, generation: u32) -> bool {
+        if self.applied.0 == generation {
+            return true;
+        }
+        match self.staged {
+            Some((held, set)) if held == generation => {
+                self.applied = (held, set);
+                self.staged = None;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Start of a tick: ages, and the sensors with implausible positions replaced.
+    pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) -> Sensors {
+        self.motion_age_us = self.motion_age_us.saturating_add(dt_us);
+        self.since_status_us = self.since_status_us.saturating_add(dt_us);
+        self.limits = 0;
+        for (good, new) in self.good.position.iter_mut().zip(sensors.position) {
+            if new.abs() <= self.config.plausible {
+                *good = new;
+            } else {
+                self.limits |= limits::SENSOR;
+            }
+        }
+        self.good.load = sensors.load;
+        if self.mode == Mode::Braked {
+            self.limits |= limits::BRAKED;
+        }
+        if self.halted {
+            self.limits |= limits::HALTED;
+        }
+        if !self.fresh() {
+            self.limits |= limits::COORDINATOR_LOST;
+        }
+        self.good
+    }
+
+    /// End of a tick: end stops, and a status message when one is due.
+    pub fn finish(&mut self, mut out: Outputs, view: View) -> Outputs {
+        for (drive, position) in out.drive.iter_mut().zip(self.good.position) {
+            let stop = self.config.end_stop;
+            if let Drive::Velocity(speed) = *drive
+                && ((speed > Q16::ZERO && position >= stop)
+                    || (speed < Q16::ZERO && position <= -stop))
+            {
+                *drive = Drive::Brake;
+                self.limits |= limits::END_STOP;
+            }
+        }
+        self.reported |= self.limits;
+        if self.since_status_us >= STATUS_PERIOD_US {
+            self.since_status_us = 0;
+            out.send(Message::Status(
+                self.id,
+                Status {
+                    position: self.good.position,
+                    loads: self.good.load.map(decinewtons),
+                    phase: view.phase,
+                    factor: view.factor,
+                    steps: view.steps,
+                    cycle: view.cycle,
+                    applied: self.applied.0,
+                    staged: self.staged(),
+                    limits: self.reported,
+                    boot_nonce: self.config.boot_nonce,
+                },
+            ));
+            self.reported = 0;
+        }
+        out
+    }
+}
+
+/// What a generator shows in its status.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct View {
+    /// Phase; 0 is idle.
+    pub phase: u8,
+    /// Factor, knee only.
+    pub factor: Q16,
+    /// Steps, knee only.
+    pub steps: u32,
+    /// Cycle number.
+    pub cycle: u32,
+}
+
+fn decinewtons(force: Q16) -> u16 {
+    ((force.0.max(0) as i64 * 10) >> 16).min(u16::MAX as i64) as u16
+}
