@@ -1,0 +1,95 @@
+//! What waits to be sent. Bounded; when full, the news of yesterday goes, never a command.
+//!
+//! ```text
+//!  bus    halt [1]  ►  commands [4]  ►  motion [1, newest wins]
+//!  host   replies and events [8]  ►  telemetry [1, newest is dropped and counted]
+//! ```
+
+use heapless::Deque;
+use sarah_protocol::bus::{Frame, HaltReason, Message, Motion};
+use sarah_protocol::frame::Bytes;
+
+/// Frames for the nodes, most urgent first.
+#[derive(Clone, Debug, Default)]
+pub struct BusOutbox {
+    halt: Option<HaltReason>,
+    commands: Deque<Message, 4>,
+    motion: Option<Motion>,
+    /// Motion messages replaced by newer ones before they were sent; wraps.
+    pub replaced: u32,
+}
+
+impl BusOutbox {
+    /// Empty.
+    pub const fn new() -> Self {
+        BusOutbox { halt: None, commands: Deque::new(), motion: None, replaced: 0 }
+    }
+
+    /// Brakes now: takes back a motion message that has not left yet.
+    pub fn halt(&mut self, reason: HaltReason) {
+        self.halt = Some(reason);
+        self.motion = None;
+    }
+
+    /// The newest IMU products.
+    pub fn motion(&mut self, motion: Motion) {
+        if self.motion.replace(motion).is_some() {
+            self.replaced = self.replaced.wrapping_add(1);
+        }
+    }
+
+    /// A staging or activation. False if there is no room: its sender repeats it anyway.
+    pub fn command(&mut self, message: Message) -> bool {
+        self.commands.push_back(message).is_ok()
+    }
+
+    /// Takes the most urgent frame.
+    pub fn pop(&mut self) -> Option<Frame> {
+        let message = if let Some(reason) = self.halt.take() {
+            Message::Halt(reason)
+        } else if let Some(command) = self.commands.pop_front() {
+            command
+        } else {
+            Message::Motion(self.motion.take()?)
+        };
+        Some(message.encode())
+    }
+}
+
+/// Frames for the host, replies first.
+#[derive(Clone, Debug, Default)]
+pub struct HostOutbox {
+    replies: Deque<Bytes, 8>,
+    telemetry: Option<Bytes>,
+    /// Replies and events that found no room; wraps. A host repeats what it gets no reply to.
+    pub lost_replies: u32,
+}
+
+impl HostOutbox {
+    /// Empty.
+    pub const fn new() -> Self {
+        HostOutbox { replies: Deque::new(), telemetry: None, lost_replies: 0 }
+    }
+
+    /// An answer or an event.
+    pub fn reply(&mut self, bytes: Bytes) {
+        if self.replies.push_back(bytes).is_err() {
+            self.lost_replies = self.lost_replies.wrapping_add(1);
+        }
+    }
+
+    /// Whether a telemetry frame would be taken.
+    pub fn wants_telemetry(&self) -> bool {
+        self.telemetry.is_none()
+    }
+
+    /// A telemetry frame, sent when no reply waits.
+    pub fn telemetry(&mut self, bytes: Bytes) {
+        self.telemetry = Some(bytes);
+    }
+
+    /// Takes the next frame.
+    pub fn pop(&mut self) -> Option<Bytes> {
+        self.replies.pop_front().or_else(|| self.telemetry.take())
+    }
+}

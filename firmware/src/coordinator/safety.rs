@@ -1,0 +1,123 @@
+//! Who may move: armed only by an explicit word, braked by any of many.
+//!
+//! ```text
+//!             arm (ready, not stopped)
+//!   Braked ───────────────────────────► Armed
+//!     ▲  ◄── disarm, node fault, IMU lost ──┤        latched: needs a new arm
+//!     └───── emergency stop ────────────────┘        latched: needs clear, then arm
+//! ```
+//!
+//! After a halt the nodes unlatch only at a motion message that says braked, so a few of those go out before one may
+//! say armed again.
+
+use sarah_protocol::bus::{HaltReason, Mode};
+
+use super::age::Age;
+
+/// Motion messages that must say braked after a halt.
+const BRAKED_MOTIONS: u8 = 3;
+/// A latched halt is repeated this often, µs: a node that missed it hears the next.
+const REPEAT_US: u32 = 100_000;
+
+/// The arming.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Safety {
+    mode: Mode,
+    stopped: bool,
+    latched: Option<HaltReason>,
+    /// Arm by itself as soon as everything is ready; any halt ends it.
+    autonomous: bool,
+    braked_motions: u8,
+    repeat: Age,
+}
+
+impl Safety {
+    /// Braked. `autonomous`: may arm by itself once.
+    pub const fn new(autonomous: bool) -> Self {
+        Safety {
+            mode: Mode::Braked,
+            stopped: false,
+            latched: None,
+            autonomous,
+            braked_motions: 0,
+            repeat: Age::NEVER,
+        }
+    }
+
+    /// `dt_us` passed. A halt to repeat, if due.
+    pub fn advance(&mut self, dt_us: u32) -> Option<HaltReason> {
+        self.repeat.advance(dt_us);
+        let reason = self.latched?;
+        if self.repeat.due(REPEAT_US) {
+            self.braked_motions = 0;
+            return Some(reason);
+        }
+        None
+    }
+
+    /// Brakes and latches. True if that is new.
+    pub fn halt(&mut self, reason: HaltReason) -> bool {
+        let stop = reason == HaltReason::EmergencyStop;
+        let new = self.mode == Mode::Armed || self.latched.is_none() || (stop && !self.stopped);
+        self.mode = Mode::Braked;
+        self.autonomous = false;
+        self.stopped |= stop;
+        self.braked_motions = 0;
+        if new {
+            // The emergency stop outranks what was latched before; nothing outranks it.
+            self.latched = Some(if self.stopped { HaltReason::EmergencyStop } else { reason });
+            self.repeat.reset();
+        }
+        new
+    }
+
+    /// Clears the emergency stop; stays latched until armed. True if there was one.
+    pub fn clear(&mut self) -> bool {
+        let was = self.stopped;
+        self.stopped = false;
+        if was {
+            self.latched = Some(HaltReason::Disarmed);
+        }
+        was
+    }
+
+    /// Allows motion; the caller has checked that everything is ready. False while stopped. True if now armed.
+    pub fn arm(&mut self) -> bool {
+        if self.stopped {
+            return false;
+        }
+        self.latched = None;
+        self.autonomous = false;
+        self.mode = Mode::Armed;
+        true
+    }
+
+    /// The mode for the next motion message.
+    pub fn next_motion(&mut self) -> Mode {
+        if self.braked_motions < BRAKED_MOTIONS {
+            self.braked_motions += 1;
+            return Mode::Braked;
+        }
+        self.mode
+    }
+
+    /// Braked or armed.
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The emergency stop is latched.
+    pub const fn stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// A halt is latched.
+    pub const fn halted(&self) -> bool {
+        self.latched.is_some()
+    }
+
+    /// Waits to arm by itself.
+    pub const fn wants_to_arm(&self) -> bool {
+        self.autonomous
+    }
+}
