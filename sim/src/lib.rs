@@ -1,3 +1,6 @@
 //! Robot without hardware.
 
+pub mod actuator;
+pub mod energy;
 pub mod robot;
+pub mod sensors;

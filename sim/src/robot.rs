@@ -173,7 +173,11 @@ impl Robot {
             let at = trunk.center_of_mass() + Vector::Z * height_m;
             trunk.add_force_at_point(force, at, false);
         }
-        self.model.world.step();
+        let Model { world, links, pads, .. } = &mut self.model;
+        world.step();
+        for link in links.iter_mut().chain(pads) {
+            link.observe(world);
+        }
         self.steps += 1;
     }
 
@@ -190,8 +194,7 @@ impl Robot {
 
     /// Coordinate and speed of `joint`.
     pub fn joint(&self, joint: Joint) -> JointState {
-        let link = &self.model.links[joint as usize];
-        self.link_state(link)
+        self.model.links[joint as usize].state()
     }
 
     /// Force (N) or torque (N·m) the motor of `joint` applied in the last step, in the joint's sign; 0 while braked.
@@ -211,7 +214,7 @@ impl Robot {
 
     /// Travel of each pad into its foot, m, 0 to 0.004, in the order of [`Self::pad_loads_n`].
     pub fn pad_travel_m(&self) -> [f32; 4] {
-        [0, 1, 2, 3].map(|pad| self.link_state(&self.model.pads[pad]).position)
+        [0, 1, 2, 3].map(|pad| self.model.pads[pad].state().position)
     }
 
     /// Motion of the trunk.
@@ -308,11 +311,6 @@ impl Robot {
 
     fn bodies(&self) -> impl Iterator<Item = &RigidBody> {
         self.model.bodies.iter().map(|handle| &self.model.world.bodies[*handle])
-    }
-
-    fn link_state(&self, link: &joint::Link) -> JointState {
-        let joint = self.model.world.impulse_joints.get(link.handle);
-        joint.map_or_else(JointState::default, |joint| link.state(&self.model.world, &joint.data))
     }
 }
 
