@@ -3,4 +3,5 @@
 pub mod actuator;
 pub mod energy;
 pub mod robot;
+pub mod scenario;
 pub mod sensors;
