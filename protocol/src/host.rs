@@ -73,7 +73,7 @@ pub enum Which {
     Staged,
 }
 
-/// Host → robot. All but `Heartbeat` and `GetParams` need the claim.
+/// Host → robot. All but `Claim` and `GetParams` need the claim.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Command {
     /// Become the one writer.
@@ -108,7 +108,7 @@ pub enum Command {
     },
     /// Ask for a set.
     GetParams(Which),
-    /// The host lives.
+    /// The writer lives. Refused after a reboot or a lapse, which is how the host learns of it.
     Heartbeat {
         /// Its own time, µs; for logs.
         host_us: u32,

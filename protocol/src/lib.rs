@@ -7,7 +7,7 @@ pub mod frame;
 pub mod host;
 pub mod params;
 pub mod schema;
-// pub mod session;
+pub mod session;
 pub mod telemetry;
 
 /// Whether `a` is newer than `b` on a counter that wraps: less than half of its range ahead.

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | hello | – | hello |
 //! | emergency stop | – | halt, latched |
-//! | heartbeat, get params | – | answer |
+//! | get params | – | answer |
 //! | claim | no other live writer | becomes the writer |
 //! | everything else | the claim | see [`Command`] |
 
@@ -59,7 +59,7 @@ impl Coordinator {
         host: &mut HostOutbox,
     ) -> Result<AckState, Refusal> {
         match command {
-            Command::Heartbeat { .. } | Command::GetParams(_) => return Ok(AckState::Received),
+            Command::GetParams(_) => return Ok(AckState::Received),
             Command::Claim => return self.writer.claim(request.session).map(|()| AckState::Received),
             _ => self.writer.check(request.session)?,
         }

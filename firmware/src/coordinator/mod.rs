@@ -264,8 +264,7 @@ impl Coordinator {
         if ok {
             self.generations.set_stored(storing.params);
         }
-        let state =
-            if ok { AckState::Persisted { generation } } else { AckState::Refused(Refusal::Storage) };
+        let state = if ok { AckState::Persisted { generation } } else { AckState::Refused(Refusal::Storage) };
         self.ack(storing.request, state, host);
     }
 
@@ -365,10 +364,9 @@ impl Coordinator {
                 (self.split, self.staging_failed) = (false, false);
                 (Some(AckState::Applied { generation, cycle }), Some(Event::Applied { generation, cycle }))
             }
-            Outcome::Refused(node, error) => (
-                Some(AckState::Refused(Refusal::Node(node, error))),
-                Some(Event::StagingFailed { generation }),
-            ),
+            Outcome::Refused(node, error) => {
+                (Some(AckState::Refused(Refusal::Node(node, error))), Some(Event::StagingFailed { generation }))
+            }
             Outcome::Silent => {
                 (Some(AckState::Refused(Refusal::NodeSilent)), Some(Event::StagingFailed { generation }))
             }

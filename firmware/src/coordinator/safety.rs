@@ -34,14 +34,7 @@ pub struct Safety {
 impl Safety {
     /// Braked. `autonomous`: may arm by itself once.
     pub const fn new(autonomous: bool) -> Self {
-        Safety {
-            mode: Mode::Braked,
-            stopped: false,
-            latched: None,
-            autonomous,
-            braked_motions: 0,
-            repeat: Age::NEVER,
-        }
+        Safety { mode: Mode::Braked, stopped: false, latched: None, autonomous, braked_motions: 0, repeat: Age::NEVER }
     }
 
     /// `dt_us` passed. A halt to repeat, if due.
