@@ -171,7 +171,9 @@ impl Push {
 #[derive(Debug, Error)]
 pub enum ScenarioError {
     /// Neither an embedded scenario nor a readable file.
-    #[error("no scenario \"{name}\": give one of paper, push-grid, stand, train, or the path of a TOML file ({source})")]
+    #[error(
+        "no scenario \"{name}\": give one of paper, push-grid, stand, train, or the path of a TOML file ({source})"
+    )]
     NotFound {
         /// What was asked for.
         name: String,

@@ -101,11 +101,7 @@ pub enum RobotError {
 /// `Ok` if `value` is finite and within the range, else a named error.
 fn within(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), RobotError> {
     // `contains` is false for NaN, so one test covers both.
-    if (min..=max).contains(&value) {
-        Ok(())
-    } else {
-        Err(RobotError::OutOfRange { field, value, min, max })
-    }
+    if (min..=max).contains(&value) { Ok(()) } else { Err(RobotError::OutOfRange { field, value, min, max }) }
 }
 
 impl RobotConfig {

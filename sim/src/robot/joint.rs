@@ -89,7 +89,8 @@ struct Servo {
 impl Link {
     /// Wraps a joint just loaded, free and undriven.
     pub(super) fn new(handle: ImpulseJointHandle, joint: &ImpulseJoint) -> Self {
-        let motion = if joint.data.locked_axes == JointAxesMask::LOCKED_PRISMATIC_AXES { Motion::Slide } else { Motion::Turn };
+        let motion =
+            if joint.data.locked_axes == JointAxesMask::LOCKED_PRISMATIC_AXES { Motion::Slide } else { Motion::Turn };
         Self {
             handle,
             motion,
@@ -141,7 +142,8 @@ impl Link {
                 joint.limit_axes = self.limit_axes;
                 let speed = speed.clamp(-motor.max_speed, motor.max_speed);
                 // A new command keeps the correction: the load it cancels has not changed.
-                let correction = if matches!(self.drive, Some(Drive::Velocity(_))) { self.servo.correction } else { 0.0 };
+                let correction =
+                    if matches!(self.drive, Some(Drive::Velocity(_))) { self.servo.correction } else { 0.0 };
                 self.servo = Servo { speed, correction, limit: INTEGRAL_LIMIT * motor.max_speed };
                 joint.set_motor_model(axis, MotorModel::ForceBased);
                 joint.set_motor(axis, 0.0, speed + correction, 0.0, motor.gain);

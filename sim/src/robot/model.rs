@@ -133,8 +133,11 @@ impl Model {
             body.recompute_mass_properties_from_colliders(&self.world.colliders);
             let loaded = body.mass_properties().local_mprops;
             let of_trunk = handle == self.trunk;
-            let (payload_kg, shift_m) =
-                if of_trunk { (config.payload_kg, Vector::from_array(config.com_shift_m)) } else { (0.0, Vector::ZERO) };
+            let (payload_kg, shift_m) = if of_trunk {
+                (config.payload_kg, Vector::from_array(config.com_shift_m))
+            } else {
+                (0.0, Vector::ZERO)
+            };
             let properties = MassProperties::with_principal_inertia_frame(
                 loaded.local_com + shift_m,
                 loaded.mass() * config.mass_scale + payload_kg,
@@ -166,11 +169,12 @@ impl Model {
         let mut lift_m = 0.0f32;
         for (pad, collider) in self.pads.iter().zip(self.pad_colliders) {
             let joint = self.world.impulse_joints.get(pad.handle);
-            let (Some(joint), Some(cuboid)) = (joint, self.world.colliders[collider].shape().as_cuboid()) else { continue };
+            let (Some(joint), Some(cuboid)) = (joint, self.world.colliders[collider].shape().as_cuboid()) else {
+                continue;
+            };
             let half = cuboid.half_extents;
             for (x, y) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-                let corner = self.world.bodies[joint.body2()].position()
-                    * Vector::new(x * half.x, y * half.y, -half.z);
+                let corner = self.world.bodies[joint.body2()].position() * Vector::new(x * half.x, y * half.y, -half.z);
                 // Vertical distance down to the plane through the origin.
                 lift_m = lift_m.max(-corner.dot(self.ground_normal) / self.ground_normal.z);
             }

@@ -31,7 +31,9 @@ fn survives_braked(direction_deg: f32, impulse_n_s: f32) -> bool {
 
 #[test]
 fn braked_robot_topples_at_the_reference_impulses() {
-    for (name, direction_deg, reference_n_s) in [("forward", 0.0, 19.0), ("left", 90.0, 23.0), ("backward", 180.0, 17.0)] {
+    for (name, direction_deg, reference_n_s) in
+        [("forward", 0.0, 19.0), ("left", 90.0, 23.0), ("backward", 180.0, 17.0)]
+    {
         assert!(survives_braked(direction_deg, reference_n_s - 1.5), "{name} falls too early");
         assert!(!survives_braked(direction_deg, reference_n_s + 1.5), "{name} stands too long");
     }
