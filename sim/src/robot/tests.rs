@@ -134,8 +134,8 @@ fn positive_angles_move_the_feet_forward_and_left() {
 }
 
 #[test]
-fn two_runs_are_identical_byte_for_byte() {
-    let run = || {
+fn two_runs_are_identical_byte_for_byte_even_on_other_threads() {
+    fn run() -> Vec<u8> {
         let mut robot = Robot::new(&RobotConfig { drop_m: 0.1, ..Default::default() }).unwrap();
         let mut bytes = Vec::new();
         for step in 0..1000 {
@@ -154,8 +154,9 @@ fn two_runs_are_identical_byte_for_byte() {
             }
         }
         bytes
-    };
-    assert!(run() == run());
+    }
+    let (here, there) = (run(), std::thread::spawn(run).join().unwrap());
+    assert!(here == there);
 }
 
 #[test]
