@@ -1,0 +1,372 @@
+//! Software in the loop: the firmware library, unchanged, on the simulated robot.
+//!
+//! ```text
+//!        host bytes                      frames                      drives
+//!  host ◄──────────► coordinator ◄────────bus────────► knee/hip/abductor ──► actuators ──► rapier
+//!                        ▲ IMU counts                        ▲ positions, pads                │
+//!                        └──────────────────── sensors ◄────────────────────────────────────── ┘
+//! ```
+//!
+//! Every message crosses the bus and the host link as encoded bytes. Four clocks run on one microsecond time line:
+//! physics, coordinator, nodes, bus. Chips tick in turn within a period (coordinator, knee, swing nodes, a tenth of the
+//! period apart), as free-running chips do on average; a command acts from the next physics step. Equal configuration
+//! and seed give equal bits.
+
+use std::collections::VecDeque;
+
+use sarah_firmware::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
+use sarah_firmware::lpg::Drive as Command;
+use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs, Sensors as NodeSensors};
+use sarah_protocol::bus::{Frame, Message, NodeId};
+use sarah_protocol::fixed::Q16;
+use sarah_protocol::params::ParamSet;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::actuator::{ActuatorConfig, ActuatorError, Actuators};
+use crate::bus::{Bus, Station};
+use crate::energy::{EnergyConfig, EnergyMeter};
+use crate::robot::{Drive, Health, Joint, Robot, RobotConfig, RobotError};
+use crate::scenario::Episode;
+use crate::sensors::{SensorConfig, SensorError, Sensors};
+
+/// What is simulated, and how finely.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SilConfig {
+    /// Ticks of every pattern generator per second, 100 to 10000. The paper trains at 100 and runs at 10000.
+    pub lpg_rate_hz: u32,
+    /// Time from sending a frame to receiving it, µs, at most 100000.
+    pub bus_latency_us: u32,
+    /// Arm at boot, without a host.
+    pub arm_at_boot: bool,
+    /// The robot.
+    pub robot: RobotConfig,
+    /// Its sensors.
+    pub sensors: SensorConfig,
+    /// Its actuators.
+    pub actuators: ActuatorConfig,
+    /// What it draws.
+    pub energy: EnergyConfig,
+}
+
+impl Default for SilConfig {
+    fn default() -> Self {
+        SilConfig {
+            lpg_rate_hz: 100,
+            bus_latency_us: 300,
+            arm_at_boot: false,
+            robot: RobotConfig::default(),
+            sensors: SensorConfig::default(),
+            actuators: ActuatorConfig::default(),
+            energy: EnergyConfig::default(),
+        }
+    }
+}
+
+/// Why a simulation cannot start.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SilError {
+    /// Tick rate.
+    #[error("lpg_rate_hz = {0} is out of range; give 100 to 10000, a divisor of 1000000")]
+    Rate(u32),
+    /// Bus latency.
+    #[error("bus_latency_us = {0} is out of range; give at most 100000")]
+    Latency(u32),
+    /// The robot.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The sensors.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
+    /// The actuators.
+    #[error(transparent)]
+    Actuators(#[from] ActuatorError),
+}
+
+/// The fastest the coordinator reads its IMU, samples per second.
+const IMU_RATE_MAX_HZ: u32 = 1_000;
+
+struct Chip {
+    station: Station,
+    period_us: u64,
+    next_us: u64,
+}
+
+/// A robot with its firmware, in one world.
+pub struct Sil {
+    robot: Robot,
+    actuators: Actuators,
+    sensors: Sensors,
+    meter: EnergyMeter,
+    episode: Episode,
+    coordinator: Coordinator,
+    nodes: [NodeKind; 3],
+    bus: Bus,
+    chips: [Chip; 4],
+    to_coordinator: VecDeque<u8>,
+    to_host: Vec<u8>,
+    stored: Option<(u32, ParamSet)>,
+    commands: [Command; 6],
+    physics_us: u64,
+    next_physics_us: u64,
+    now_us: u64,
+}
+
+impl Sil {
+    /// Powers everything up at the start of `episode`, with `stored` in the coordinator's memory. Nothing moves before
+    /// it is armed.
+    pub fn new(config: &SilConfig, default: ParamSet, stored: ParamSet, episode: &Episode) -> Result<Sil, SilError> {
+        let rate = config.lpg_rate_hz;
+        if !(100..=10_000).contains(&rate) || 1_000_000 % rate != 0 {
+            return Err(SilError::Rate(rate));
+        }
+        if config.bus_latency_us > 100_000 {
+            return Err(SilError::Latency(config.bus_latency_us));
+        }
+        let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
+        let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
+        sensors.observe(&robot);
+
+        let tick_us = 1_000_000 / rate;
+        let imu_us = tick_us.max(1_000_000 / IMU_RATE_MAX_HZ);
+        let identity = Identity { boot_nonce: episode.seed as u32 | 1, ..Identity::default() };
+        let coordinator = Coordinator::new(Config {
+            arm_at_boot: config.arm_at_boot,
+            imu_period_us: imu_us,
+            ..Config::new(identity, default, stored)
+        });
+        let chip = |index: u64, station, period: u32| Chip {
+            station,
+            period_us: period.into(),
+            next_us: index * u64::from(tick_us) / 10,
+        };
+        Ok(Sil {
+            actuators: Actuators::new(&config.actuators)?,
+            meter: EnergyMeter::new(&config.energy),
+            episode: episode.clone(),
+            coordinator,
+            nodes: NodeId::ALL.map(|id| node::by_id(id, node_config(id, default))),
+            bus: Bus::new(config.bus_latency_us),
+            chips: [
+                chip(0, Station::Coordinator, imu_us),
+                chip(1, Station::Node(NodeId::Knee), tick_us),
+                chip(2, Station::Node(NodeId::Hip), tick_us),
+                chip(2, Station::Node(NodeId::Abductor), tick_us),
+            ],
+            to_coordinator: VecDeque::new(),
+            to_host: Vec::new(),
+            stored: None,
+            commands: [Command::Brake; 6],
+            physics_us: u64::from((robot.dt_s() * 1e6).round() as u32),
+            next_physics_us: 0,
+            now_us: 0,
+            robot,
+            sensors,
+        })
+    }
+
+    /// Runs until `until_us`, or until the robot has fallen or the solver failed.
+    pub fn run_until(&mut self, until_us: u64) -> Health {
+        while let Some(at_us) = self.next_event_us().filter(|at| *at < until_us) {
+            self.now_us = at_us;
+            if at_us == self.next_physics_us {
+                let health = self.step_physics();
+                if health != Health::Upright {
+                    return health;
+                }
+            }
+            self.deliver();
+            self.tick_chips();
+        }
+        self.now_us = until_us;
+        Health::Upright
+    }
+
+    fn next_event_us(&self) -> Option<u64> {
+        let chips = self.chips.iter().map(|chip| chip.next_us);
+        chips.chain(self.bus.next_due_us()).chain([self.next_physics_us]).min()
+    }
+
+    /// The step that begins now; what it leads to is observed when it ends, at the next one.
+    fn step_physics(&mut self) -> Health {
+        if self.now_us > 0 {
+            self.sensors.observe(&self.robot);
+            self.meter.observe(&self.robot);
+        }
+        let now_s = self.seconds();
+        let acting = self.episode.pushes.iter().map(|push| (push.force_n(now_s), push.height_m));
+        match acting.into_iter().find(|(force, _)| *force != [0.0; 3]) {
+            Some((force, height_m)) => self.robot.push(force, height_m),
+            None => self.robot.clear_push(),
+        }
+        for (joint, command) in Joint::ALL.into_iter().zip(self.commands) {
+            let drive = match command {
+                Command::Brake => Drive::Brake,
+                Command::Velocity(speed) => Drive::Velocity(speed.to_f32()),
+            };
+            self.actuators.command(joint, drive);
+        }
+        self.actuators.apply(&mut self.robot);
+        self.robot.step();
+        self.next_physics_us += self.physics_us;
+        self.robot.health()
+    }
+
+    fn deliver(&mut self) {
+        while let Some((from, frame)) = self.bus.deliver(self.now_us) {
+            for to in Station::ALL {
+                if self.bus.hears(from, to) {
+                    self.receive(to, &frame);
+                }
+            }
+        }
+    }
+
+    fn receive(&mut self, to: Station, frame: &Frame) {
+        match to {
+            Station::Coordinator => {
+                let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
+                self.coordinator.on_bus(self.now_us as u32, frame, &mut bus, &mut host);
+                self.send(&mut bus, &mut host);
+            }
+            Station::Node(id) => {
+                // What does not decode is dropped, as the chip's receive task does.
+                let Ok(message) = Message::decode(frame) else { return };
+                if let Some(answer) = self.nodes[id as usize].on_message(&message) {
+                    self.bus.send(self.now_us, to, answer.encode());
+                }
+            }
+        }
+    }
+
+    fn tick_chips(&mut self) {
+        for index in 0..self.chips.len() {
+            if self.chips[index].next_us != self.now_us {
+                continue;
+            }
+            let Chip { station, period_us, .. } = self.chips[index];
+            self.chips[index].next_us += period_us;
+            match station {
+                Station::Coordinator => self.tick_coordinator(),
+                Station::Node(id) => self.tick_node(id, period_us as u32),
+            }
+        }
+    }
+
+    fn tick_coordinator(&mut self) {
+        let now = self.now_us as u32;
+        let counts = self.sensors.imu(self.seconds());
+        let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
+        let bytes: Vec<u8> = self.to_coordinator.drain(..).collect();
+        self.coordinator.on_host_bytes(now, &bytes, &mut bus, &mut host);
+        self.coordinator.on_imu(now, &ImuSample { accel: counts.accel, gyro: counts.gyro }, &mut bus);
+        if let Some(Action::Store(set, generation)) = self.coordinator.tick(now, &mut bus, &mut host) {
+            self.stored = Some((generation, set));
+            self.coordinator.on_stored(generation, true, &mut host);
+        }
+        self.send(&mut bus, &mut host);
+    }
+
+    fn tick_node(&mut self, id: NodeId, dt_us: u32) {
+        let joints = self.sensors.joints(self.seconds());
+        let [left, right] = joints_of(id);
+        let load = if id == NodeId::Knee { self.sensors.pads_n(self.seconds()) } else { [0.0; 4] };
+        let sensors = NodeSensors {
+            position: [left, right].map(|joint| Q16::from_f32(joints[joint as usize])),
+            load: load.map(Q16::from_f32),
+        };
+        let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &sensors);
+        self.commands[left as usize] = drive[0];
+        self.commands[right as usize] = drive[1];
+        for message in messages {
+            self.bus.send(self.now_us, Station::Node(id), message.encode());
+        }
+    }
+
+    fn send(&mut self, bus: &mut BusOutbox, host: &mut HostOutbox) {
+        while let Some(frame) = bus.pop() {
+            self.bus.send(self.now_us, Station::Coordinator, frame);
+        }
+        while let Some(bytes) = host.pop() {
+            self.to_host.extend_from_slice(&bytes);
+        }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.now_us as f64 * 1e-6
+    }
+
+    /// Bytes from the host; read at the coordinator's next tick.
+    pub fn host_write(&mut self, bytes: &[u8]) {
+        self.to_coordinator.extend(bytes);
+    }
+
+    /// Bytes for the host since the last call.
+    pub fn host_read(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.to_host)
+    }
+
+    /// Time line, µs since power-up.
+    pub fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    /// The truth, for rewards, figures and verdicts; no controller sees it.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// What the robot has drawn so far.
+    pub fn meter(&self) -> &EnergyMeter {
+        &self.meter
+    }
+
+    /// What happens to the robot in this episode.
+    pub fn episode(&self) -> &Episode {
+        &self.episode
+    }
+
+    /// Commands of the nodes, in [`Joint`] order.
+    pub fn commands(&self) -> [Command; 6] {
+        self.commands
+    }
+
+    /// A node, to look at.
+    pub fn node(&self, id: NodeId) -> &NodeKind {
+        &self.nodes[id as usize]
+    }
+
+    /// The coordinator, to look at.
+    pub fn coordinator(&self) -> &Coordinator {
+        &self.coordinator
+    }
+
+    /// The set last written to the coordinator's memory, with its generation.
+    pub fn stored(&self) -> Option<&(u32, ParamSet)> {
+        self.stored.as_ref()
+    }
+
+    /// Pulls or plugs a station's bus connector.
+    pub fn unplug(&mut self, station: Station, unplugged: bool) {
+        self.bus.unplug(station, unplugged);
+    }
+}
+
+/// The joints of a node, left and right.
+pub fn joints_of(id: NodeId) -> [Joint; 2] {
+    match id {
+        NodeId::Knee => [Joint::LeftKnee, Joint::RightKnee],
+        NodeId::Hip => [Joint::LeftHip, Joint::RightHip],
+        NodeId::Abductor => [Joint::LeftAbductor, Joint::RightAbductor],
+    }
+}
+
+fn node_config(id: NodeId, default: ParamSet) -> NodeConfig {
+    let (end_stop, plausible) = match id {
+        NodeId::Knee => node::knee::STROKE,
+        NodeId::Hip => node::swing::HIP_SWING,
+        NodeId::Abductor => node::swing::ABDUCTOR_SWING,
+    };
+    NodeConfig { default, boot_nonce: 1, end_stop, plausible }
+}
