@@ -86,11 +86,13 @@ impl Attitude {
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
-        let before = if self.started { self.gyro } else { sample.gyro };
+        // The first sample has no interval behind it: it can only tell where gravity is.
+        if self.started {
+            self.rotate(dt_us, self.gyro, sample.gyro);
+        }
         self.started = true;
         self.gyro = sample.gyro;
 
-        self.rotate(dt_us, before, sample.gyro);
         let squared = square(sample.accel);
         if GATE.contains(&squared) {
             let tau = if self.settled() { SLOW_US } else { FAST_US };

@@ -1,0 +1,192 @@
+use super::*;
+
+const G: f64 = 9.80665;
+
+/// Rotation body → world as a matrix, integrated finely in f64.
+#[derive(Clone, Copy)]
+struct Truth {
+    up: [f64; 3],
+}
+
+fn omega(t: f64, seed: u32) -> [f64; 3] {
+    let s = f64::from(seed);
+    let wave =
+        |amplitude: f64, hertz: f64, phase: f64| amplitude * hertz * (core::f64::consts::TAU * hertz * t + phase).cos();
+    [
+        wave(1.2, 0.7 + 0.05 * s, s) + wave(0.3, 2.9, 2.0 * s),
+        wave(1.0, 0.9 + 0.03 * s, 3.0 * s) + wave(0.2, 3.7, s),
+        wave(0.8, 0.4, s),
+    ]
+}
+
+impl Truth {
+    /// d(up)/dt = up × ω, by Runge-Kutta.
+    fn step(&mut self, t: f64, dt: f64, seed: u32) {
+        let rate = |u: [f64; 3], w: [f64; 3]| {
+            [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]]
+        };
+        let at = |u: [f64; 3], k: [f64; 3], h: f64| [u[0] + k[0] * h, u[1] + k[1] * h, u[2] + k[2] * h];
+        let (w0, w1, w2) = (omega(t, seed), omega(t + dt / 2.0, seed), omega(t + dt, seed));
+        let k1 = rate(self.up, w0);
+        let k2 = rate(at(self.up, k1, dt / 2.0), w1);
+        let k3 = rate(at(self.up, k2, dt / 2.0), w1);
+        let k4 = rate(at(self.up, k3, dt), w2);
+        for i in 0..3 {
+            self.up[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+        }
+    }
+}
+
+fn counts(v: f64, per_unit: f64) -> i16 {
+    (v * per_unit).round() as i16
+}
+
+fn sample(up: [f64; 3], w: [f64; 3]) -> ImuSample {
+    let per_radian = 16.4 * 180.0 / core::f64::consts::PI;
+    ImuSample { accel: up.map(|u| counts(u, 2048.0)), gyro: w.map(|w| counts(w, per_radian)) }
+}
+
+/// Angle between the filter's up and the truth, rad.
+fn error(filter: &Attitude, truth: &Truth) -> f64 {
+    let up = filter.up().map(|axis| f64::from(axis) / f64::from(1 << 30));
+    let distance: f64 = (0..3).map(|i| (up[i] - truth.up[i]).powi(2)).sum();
+    distance.sqrt()
+}
+
+fn run(period_us: u32, seed: u32, seconds: f64) -> (Attitude, Truth, f64, Motion) {
+    let mut truth = Truth { up: [0.0, 0.0, 1.0] };
+    let mut filter = Attitude::new();
+    let mut motion = filter.update(period_us, &sample(truth.up, omega(0.0, seed)));
+    let dt = f64::from(period_us) * 1e-6;
+    let mut worst = 0f64;
+    let steps = (seconds / dt).round() as u32;
+    for n in 0..steps {
+        let t = f64::from(n) * dt;
+        for fine in 0..10 {
+            truth.step(t + f64::from(fine) * dt / 10.0, dt / 10.0, seed);
+        }
+        motion = filter.update(period_us, &sample(truth.up, omega(t + dt, seed)));
+        worst = worst.max(error(&filter, &truth));
+    }
+    (filter, truth, worst, motion)
+}
+
+#[test]
+fn follows_random_motion_within_two_milliradians_at_1_khz() {
+    for seed in 0..20 {
+        let (_, _, worst, _) = run(1_000, seed, 10.0);
+        assert!(worst < 2e-3, "seed {seed}: {worst}");
+    }
+}
+
+#[test]
+fn follows_random_motion_within_two_milliradians_at_100_hz() {
+    for seed in 0..20 {
+        let (_, _, worst, _) = run(10_000, seed, 10.0);
+        assert!(worst < 2e-3, "seed {seed}: {worst}");
+    }
+}
+
+#[test]
+fn rates_from_100_hz_to_1_khz_agree() {
+    for seed in 0..10 {
+        let reference = run(1_000, seed, 2.0).3;
+        for period_us in [2_000, 5_000, 10_000] {
+            let motion = run(period_us, seed, 2.0).3;
+            for axis in 0..2 {
+                let lean = (motion.lean[axis] - reference.lean[axis]).to_f32();
+                let slow = (motion.slow_rate[axis] - reference.slow_rate[axis]).to_f32();
+                assert!(lean.abs() < 2e-3, "lean {lean} at {period_us} µs");
+                // The low-pass is exact for a rate held since the sample before: half a period of the signal's slope.
+                assert!(slow.abs() < 0.12, "slow rate {slow} at {period_us} µs");
+            }
+        }
+    }
+}
+
+#[test]
+fn at_rest_it_reads_gravity_and_nothing_else() {
+    let mut filter = Attitude::new();
+    let rest = ImuSample { accel: [0, 0, 2048], gyro: [0; 3] };
+    let motion = (0..1000).map(|_| filter.update(1_000, &rest)).last().expect("1000 samples");
+    assert!((f64::from(motion.acceleration.to_f32()) - G).abs() < 1e-4);
+    assert_eq!(motion.rotation, Q16::ZERO);
+    assert_eq!((motion.rate, motion.slow_rate, motion.lean), ([Q16::ZERO; 2], [Q16::ZERO; 2], [Q16::ZERO; 2]));
+}
+
+#[test]
+fn magnitudes_and_rates_have_their_units_and_signs() {
+    let mut filter = Attitude::new();
+    // Turning forward (about +y) at 100 °/s and to the left (about −x) at 50 °/s, pulled at 2 g sideways.
+    let moved = ImuSample { accel: [0, 4096, 0], gyro: [-820, 1640, 0] };
+    let motion = filter.update(1_000, &moved);
+    assert!((motion.rate[0].to_f32() - 1.745_33).abs() < 1e-4);
+    assert!((motion.rate[1].to_f32() - 0.872_66).abs() < 1e-4);
+    assert!((motion.rotation.to_f32() - 1.951_34).abs() < 1e-4);
+    assert!((f64::from(motion.acceleration.to_f32()) - 2.0 * G).abs() < 1e-4);
+}
+
+#[test]
+fn leaning_forward_and_left_are_positive() {
+    for (up, axis) in [([-0.2, 0.0, 0.98], 0), ([0.0, -0.2, 0.98], 1)] {
+        let mut filter = Attitude::new();
+        let still = sample(up, [0.0; 3]);
+        let motion = (0..2000).map(|_| filter.update(1_000, &still)).last().expect("samples");
+        assert!((motion.lean[axis].to_f32() - 0.2013).abs() < 2e-3, "{:?}", motion.lean);
+        assert_eq!(motion.lean[1 - axis], Q16::ZERO);
+    }
+}
+
+#[test]
+fn a_tilted_start_is_known_within_the_first_third_of_a_second() {
+    let mut filter = Attitude::new();
+    let still = sample([-0.2, 0.1, 0.9747], [0.0; 3]);
+    let mut motion = Motion::default();
+    for _ in 0..30 {
+        assert!(!filter.settled());
+        motion = filter.update(10_000, &still);
+    }
+    assert!(filter.settled());
+    assert!((motion.lean[0].to_f32() - 0.2014).abs() < 2e-3, "{:?}", motion.lean);
+}
+
+#[test]
+fn the_gate_closes_outside_two_metres_per_second_squared() {
+    let mut filter = Attitude::new();
+    for _ in 0..400 {
+        filter.update(1_000, &ImuSample { accel: [0, 0, 2048], gyro: [0; 3] });
+    }
+    let before = filter.up();
+    for accel in [[2048, 0, 2048], [0, 0, 1600], [0, 1600, 0]] {
+        filter.update(1_000, &ImuSample { accel, gyro: [0; 3] });
+        assert_eq!(filter.up(), before, "{accel:?}");
+    }
+    filter.update(1_000, &ImuSample { accel: [500, 0, 2048], gyro: [0; 3] });
+    assert_ne!(filter.up(), before);
+}
+
+#[test]
+fn the_low_pass_gain_matches_the_exponential() {
+    for dt_us in [0u32, 100, 1_000, 5_000, 10_000, MAX_STEP_US] {
+        let exact = 1.0 - (-f64::from(dt_us) / RATE_US as f64).exp();
+        let ours = low_pass_gain(dt_us) as f64 / ONE as f64;
+        assert!((ours - exact).abs() < 2e-5, "{dt_us}: {ours} {exact}");
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_samples_keep_up_a_vector_of_sane_length(
+        samples in proptest::collection::vec((proptest::array::uniform3(proptest::num::i16::ANY),
+            proptest::array::uniform3(proptest::num::i16::ANY), proptest::num::u32::ANY), 1..200),
+    ) {
+        let mut filter = Attitude::new();
+        for (accel, gyro, dt_us) in samples {
+            let motion = filter.update(dt_us, &ImuSample { accel, gyro });
+            proptest::prop_assert!(motion.acceleration >= Q16::ZERO && motion.rotation >= Q16::ZERO);
+            for lean in motion.lean {
+                proptest::prop_assert!(lean.abs() <= Q16::lit(1.2));
+            }
+        }
+    }
+}
