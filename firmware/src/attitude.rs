@@ -105,7 +105,7 @@ impl Attitude {
         let rate = [rate(wy), -rate(wx)];
         let gain = low_pass_gain(dt_us);
         for (slow, rate) in self.slow.iter_mut().zip(rate) {
-            *slow += (((i64::from(rate.0) << 16) - *slow) >> 15) * gain >> 15;
+            *slow += ((((i64::from(rate.0) << 16) - *slow) >> 15) * gain) >> 15;
         }
         let [x, y, _] = self.up;
         Motion {

@@ -61,7 +61,13 @@ impl Q16 {
 
     /// `self` with the sign of `sign` (as `-1`, `0` or `1`) applied.
     pub const fn signed(self, sign: i32) -> Q16 {
-        if sign < 0 { Q16(self.0.saturating_neg()) } else if sign > 0 { self } else { Q16::ZERO }
+        if sign < 0 {
+            Q16(self.0.saturating_neg())
+        } else if sign > 0 {
+            self
+        } else {
+            Q16::ZERO
+        }
     }
 }
 

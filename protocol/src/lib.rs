@@ -6,6 +6,7 @@ pub mod fixed;
 pub mod frame;
 pub mod host;
 pub mod params;
+pub mod refusal;
 pub mod schema;
 pub mod session;
 pub mod telemetry;

@@ -62,7 +62,16 @@ const fn spec(
     paper_unit: f32,
     table_ii: f32,
 ) -> Spec {
-    Spec { symbol, meaning, unit, min: range.0, max: range.1, max_change: (range.1 - range.0) * 0.5, paper_unit, table_ii }
+    Spec {
+        symbol,
+        meaning,
+        unit,
+        min: range.0,
+        max: range.1,
+        max_change: (range.1 - range.0) * 0.5,
+        paper_unit,
+        table_ii,
+    }
 }
 
 /// The parameters in wire order.

@@ -15,96 +15,37 @@
 //! | a node, or a node restarts | halt, latched until armed; the applied set is staged anew |
 //! | emergency stop | halt, latched until cleared **and** armed |
 //!
-//! - [`generations`]: whole sets or nothing. [`safety`]: the arming. [`writer`]: one host at a time.
-//! - [`nodes`]: who is alive. [`outbox`]: what waits to be sent. [`age`]: time that does not wrap.
-//! - [`commands`]: what each host command does.
+//! - `generations`: whole sets or nothing. `safety`: the arming. `writer`: one host at a time.
+//! - `nodes`: who is alive. `outbox`: what waits to be sent. `age`: time that does not wrap.
+//! - `config`: what it is born with. `commands`: what each host command does. `report`: what the host hears.
 
-pub mod age;
-pub mod commands;
-pub mod generations;
-pub mod nodes;
-pub mod outbox;
-pub mod safety;
-pub mod writer;
+mod age;
+mod commands;
+mod config;
+mod generations;
+mod nodes;
+mod outbox;
+mod report;
+mod safety;
+mod writer;
 
-use sarah_protocol::bus::{Frame, HaltReason, Message, Mode, NodeId};
+use sarah_protocol::bus::{Frame, HaltReason, Message, Mode};
 use sarah_protocol::fixed::Q16;
 use sarah_protocol::frame::Deframer;
-use sarah_protocol::host::{AckState, HelloReply, Refusal, Report, ToHost, ToRobot, VERSION};
+use sarah_protocol::host::{AckState, Refusal, ToRobot};
 use sarah_protocol::params::ParamSet;
-use sarah_protocol::schema::schema_hash;
-use sarah_protocol::telemetry::{Event, ResetCause, Telemetry, faults};
+use sarah_protocol::telemetry::Event;
 
 pub use crate::attitude::ImuSample;
+pub use config::{Config, Identity};
 pub use outbox::{BusOutbox, HostOutbox};
 
 use crate::attitude::Attitude;
 use age::Age;
-use generations::{Generations, News, Outcome, Request};
+use generations::{Generations, Request};
 use nodes::Nodes;
 use safety::Safety;
 use writer::Writer;
-
-/// Who this robot is, for the hello.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Identity {
-    /// Drawn at boot.
-    pub boot_nonce: u32,
-    /// Which board; 0 is simulated.
-    pub board: u8,
-    /// Firmware build, ASCII, padded with zeros.
-    pub build: [u8; 16],
-    /// Why the chip started.
-    pub reset_cause: ResetCause,
-}
-
-/// What the coordinator is born with. Times in µs.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Config {
-    /// Who this is.
-    pub identity: Identity,
-    /// The set built into the nodes' images: generation 0.
-    pub default: ParamSet,
-    /// The set in non-volatile memory, or the default.
-    pub stored: ParamSet,
-    /// Arm once, without a host, as soon as IMU and nodes are there. For a robot that is to balance unattended from
-    /// power-up; any halt ends it, and then only an explicit arm resumes. Off unless a deployment asks for it.
-    pub arm_at_boot: bool,
-    /// Nominal time between IMU samples; the first one counts as this much.
-    pub imu_period_us: u32,
-    /// The IMU is lost after this silence.
-    pub imu_silence_us: u32,
-    /// A node is lost after this silence.
-    pub node_silence_us: u32,
-    /// Between telemetry frames until a host asks for another rate.
-    pub telemetry_period_us: u32,
-    /// A silent writer loses its claim after this.
-    pub writer_lapse_us: u32,
-    /// The applied set is stale after this silence of its host.
-    pub host_silence_us: u32,
-    /// The stored set returns after this silence of its host.
-    pub host_fallback_us: u32,
-}
-
-impl Config {
-    /// The usual times: IMU 1 kHz, telemetry 100 Hz, IMU lost after 50 ms, node after 100 ms, host stale after 2 s, fall
-    /// back after 10 s.
-    pub const fn new(identity: Identity, default: ParamSet, stored: ParamSet) -> Config {
-        Config {
-            identity,
-            default,
-            stored,
-            arm_at_boot: false,
-            imu_period_us: 1_000,
-            imu_silence_us: 50_000,
-            node_silence_us: 100_000,
-            telemetry_period_us: 10_000,
-            writer_lapse_us: 2_000_000,
-            host_silence_us: 2_000_000,
-            host_fallback_us: 10_000_000,
-        }
-    }
-}
 
 /// Something only the shell can do.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -354,125 +295,6 @@ impl Coordinator {
 
     fn stale(&self) -> bool {
         self.generations.on_host_set() && self.writer.silence().reached(self.config.host_silence_us)
-    }
-
-    fn report(&mut self, news: Option<News>, bus: &mut BusOutbox, host: &mut HostOutbox) {
-        let Some(News { generation, request, outcome }) = news else { return };
-        let (state, event) = match outcome {
-            Outcome::Staged => (Some(AckState::Staged { generation }), None),
-            Outcome::Applied { cycle } => {
-                (self.split, self.staging_failed) = (false, false);
-                (Some(AckState::Applied { generation, cycle }), Some(Event::Applied { generation, cycle }))
-            }
-            Outcome::Refused(node, error) => {
-                (Some(AckState::Refused(Refusal::Node(node, error))), Some(Event::StagingFailed { generation }))
-            }
-            Outcome::Silent => {
-                (Some(AckState::Refused(Refusal::NodeSilent)), Some(Event::StagingFailed { generation }))
-            }
-            Outcome::Late => {
-                (Some(AckState::Refused(Refusal::Busy(generation))), Some(Event::StagingFailed { generation }))
-            }
-            Outcome::Split(node) => {
-                self.split = true;
-                (Some(AckState::Refused(Refusal::NodeSilent)), Some(Event::GenerationSplit(node)))
-            }
-            Outcome::Restaging => (None, Some(Event::Restaging { generation })),
-        };
-        self.staging_failed |= matches!(event, Some(Event::StagingFailed { .. }));
-        if let (Some(request), Some(state)) = (request, state) {
-            self.ack(request, state, host);
-        }
-        if let Some(event) = event {
-            self.event(event, host);
-        }
-        if matches!(outcome, Outcome::Late | Outcome::Split(_)) {
-            self.halt_if_armed(HaltReason::NodeFault, bus, host);
-        }
-    }
-
-    fn send_telemetry(&mut self, host: &mut HostOutbox) {
-        if !host.wants_telemetry() {
-            self.dropped = self.dropped.wrapping_add(1);
-            return;
-        }
-        let telemetry = ToHost::Report(Report::Telemetry(self.telemetry()));
-        if let Some(bytes) = telemetry.encode(0, self.next_sequence()) {
-            host.telemetry(bytes);
-        }
-    }
-
-    /// The snapshot a host would get now.
-    pub fn telemetry(&self) -> Telemetry {
-        let [knee, hip, abductor] = NodeId::ALL.map(|id| self.nodes.status(id).copied());
-        let joints = [&knee, &hip, &abductor].map(|status| status.map_or([Q16::ZERO; 2], |s| s.position));
-        let [[l_knee, r_knee], [l_hip, r_hip], [l_abd, r_abd]] = joints;
-        let applied = self.generations.applied();
-        Telemetry {
-            time_us: self.now_us,
-            accel: self.sample.accel,
-            gyro: self.sample.gyro,
-            loads: knee.map_or([0; 4], |status| status.loads),
-            joints: [l_abd, l_hip, l_knee, r_abd, r_hip, r_knee],
-            lean: self.lean,
-            phases: [&knee, &hip, &abductor].map(|status| status.map_or(0, |s| s.phase)),
-            factor: knee.map_or(Q16::ZERO, |status| status.factor),
-            steps: knee.map_or(0, |status| status.steps),
-            cycle: knee.map_or(0, |status| status.cycle),
-            generation: applied.number,
-            generation_age_ms: self.generations.applied_age().us() / 1000,
-            stale: self.stale(),
-            mode: self.safety.mode(),
-            faults: self.faults(),
-            limits: [&knee, &hip, &abductor].map(|status| status.map_or(0, |s| s.limits)),
-            reset_cause: self.config.identity.reset_cause,
-            dropped: self.dropped,
-        }
-    }
-
-    fn faults(&self) -> u16 {
-        let bits = [
-            (faults::E_STOP, self.safety.stopped()),
-            (faults::HALTED, self.safety.halted()),
-            (faults::IMU_LOST, self.imu_lost || !self.imu_seen),
-            (faults::GENERATION_SPLIT, self.split),
-            (faults::STAGING, self.staging_failed),
-        ];
-        let lost = u16::from(!self.nodes.map() & 0b111);
-        bits.iter().fold(lost * faults::NODE_LOST, |all, (bit, set)| if *set { all | bit } else { all })
-    }
-
-    fn hello(&self) -> HelloReply {
-        let identity = &self.config.identity;
-        HelloReply {
-            version: VERSION,
-            schema: schema_hash(),
-            boot_nonce: identity.boot_nonce,
-            board: identity.board,
-            nodes: self.nodes.map(),
-            build: identity.build,
-        }
-    }
-
-    fn next_sequence(&mut self) -> u16 {
-        self.sequence = self.sequence.wrapping_add(1);
-        self.sequence
-    }
-
-    fn send(&mut self, session: u16, message: &ToHost, host: &mut HostOutbox) {
-        if let Some(bytes) = message.encode(session, self.next_sequence()) {
-            host.reply(bytes);
-        }
-    }
-
-    fn ack(&mut self, request: Request, state: AckState, host: &mut HostOutbox) {
-        let ack = sarah_protocol::host::Ack { request: request.sequence, state };
-        self.send(request.session, &ToHost::Report(Report::Ack(ack)), host);
-    }
-
-    fn event(&mut self, event: Event, host: &mut HostOutbox) {
-        let time_us = self.now_us;
-        self.send(0, &ToHost::Report(Report::Event { time_us, event }), host);
     }
 }
 

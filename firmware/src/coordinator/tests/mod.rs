@@ -2,13 +2,15 @@
 
 mod losses;
 mod promises;
+mod real_nodes;
 mod stranger;
 
-use sarah_protocol::bus::{Frame, Gait, GaitEvent, HaltReason, Message, Mode, NodeId, Side, Staged, Status};
-use sarah_protocol::host::{AckState, Command, HelloReply, Refusal, Report, ToHost, ToRobot};
-use sarah_protocol::params::{ParamSet, SPECS};
+use sarah_protocol::bus::{Gait, GaitEvent, NodeId, Side, Staged, Status};
+use sarah_protocol::host::{Command, HelloReply, Report, ToHost, VERSION};
+use sarah_protocol::params::SPECS;
+use sarah_protocol::schema::schema_hash;
 use sarah_protocol::session::{HostSession, News};
-use sarah_protocol::telemetry::{Event, Telemetry, faults};
+use sarah_protocol::telemetry::{Telemetry, faults};
 
 use super::*;
 

@@ -47,7 +47,7 @@ fn promise_3_a_second_host_is_refused_by_name_until_the_first_lapses() {
     rig.run(200);
     rig.other = Some(HostSession::new(2));
     rig.run(3_000);
-    assert!(rig.other_news.iter().any(|n| *n == News::Refused(Command::Claim, Refusal::Claimed { by: 1 })));
+    assert!(rig.other_news.contains(&News::Refused(Command::Claim, Refusal::Claimed { by: 1 })));
     assert!(!rig.other_news.contains(&News::Claimed));
     rig.session = HostSession::observer(3);
     rig.run(2_500);

@@ -103,3 +103,37 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn whatever_fails_and_returns_a_halted_robot_stays_halted_without_an_arm(
+        happenings in prop::collection::vec((0u8..9, 0usize..3, 1u32..400), 1..25),
+    ) {
+        let mut rig = Rig::armed(Config { arm_at_boot: true, ..config() });
+        let mut halted = false;
+        for (what, node, millis) in happenings {
+            match what {
+                0 => rig.nodes[node].mute ^= true,
+                1 => rig.nodes[node].restart(),
+                2 => rig.imu ^= true,
+                3 => rig.host_connected ^= true,
+                4 => rig.session.e_stop(),
+                5 => drop(rig.session.disarm()),
+                6 => drop(rig.session.clear_e_stop()),
+                7 => drop(rig.session.apply(&other_set(0.01 * millis as f32 / 40.0))),
+                _ => rig.nodes[0].in_cycle ^= true,
+            }
+            for _ in 0..millis {
+                rig.step();
+                let braked = rig.coordinator.mode() == Mode::Braked;
+                prop_assert!(!halted || braked);
+                halted |= braked;
+            }
+            if what == 4 && rig.host_connected {
+                prop_assert!(halted);
+            }
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The same path with the nodes that are flashed.
+
+use sarah_protocol::bus::limits;
+
+use super::*;
+use crate::node::{Node, NodeConfig, NodeKind, Sensors, by_id};
+
+struct Robot {
+    coordinator: Coordinator,
+    nodes: Vec<(NodeId, NodeKind)>,
+    bus: BusOutbox,
+    host: HostOutbox,
+    now: u32,
+}
+
+impl Robot {
+    fn run(&mut self, millis: u32) {
+        for _ in 0..millis {
+            self.now = self.now.wrapping_add(1_000);
+            let rest = ImuSample { accel: [0, 0, 2048], gyro: [0; 3] };
+            self.coordinator.on_imu(self.now, &rest, &mut self.bus);
+            self.coordinator.tick(self.now, &mut self.bus, &mut self.host);
+            let mut frames = vec![];
+            while let Some(frame) = self.bus.pop() {
+                frames.push((None, frame));
+            }
+            let sensors = Sensors { position: [Q16::ZERO; 2], load: [Q16::lit(80.0); 4] };
+            for (id, node) in &mut self.nodes {
+                frames.extend(node.tick(1_000, &sensors).messages.iter().map(|m| (Some(*id), m.encode())));
+            }
+            while let Some((from, frame)) = frames.pop() {
+                let message = Message::decode(&frame).expect("ours");
+                if from.is_some() {
+                    self.coordinator.on_bus(self.now, &frame, &mut self.bus, &mut self.host);
+                }
+                for (id, node) in self.nodes.iter_mut().filter(|(id, _)| Some(*id) != from) {
+                    frames.extend(node.on_message(&message).map(|answer| (Some(*id), answer.encode())));
+                }
+            }
+        }
+    }
+}
+
+fn robot(config: Config) -> Robot {
+    let node = |id| {
+        let end_stop = Q16::lit(0.6);
+        NodeConfig { default: config.default, boot_nonce: id as u16, end_stop, plausible: Q16::lit(1.0) }
+    };
+    Robot {
+        coordinator: Coordinator::new(config),
+        nodes: NodeId::ALL.map(|id| (id, by_id(id, node(id)))).to_vec(),
+        bus: BusOutbox::new(),
+        host: HostOutbox::new(),
+        now: u32::MAX - 300_000,
+    }
+}
+
+#[test]
+fn real_nodes_take_the_stored_set_at_boot_and_arm() {
+    let mut robot = robot(Config { arm_at_boot: true, stored: other_set(0.1), ..config() });
+    robot.run(1_000);
+    assert_eq!(robot.coordinator.applied(), (1, &other_set(0.1)));
+    assert_eq!(robot.coordinator.mode(), Mode::Armed);
+    robot.run(100);
+    for limits in robot.coordinator.telemetry().limits {
+        assert_eq!(limits & (limits::BRAKED | limits::HALTED | limits::COORDINATOR_LOST), 0);
+    }
+}
+
+#[test]
+fn real_nodes_halt_and_are_released_by_the_next_arming() {
+    let mut robot = robot(Config { arm_at_boot: true, ..config() });
+    robot.run(1_000);
+    let send = |robot: &mut Robot, message: ToRobot| {
+        let bytes = message.encode(1, 1).expect("fits");
+        robot.coordinator.on_host_bytes(robot.now, &bytes, &mut robot.bus, &mut robot.host);
+    };
+    send(&mut robot, ToRobot::EStop);
+    robot.run(300);
+    assert!(robot.coordinator.telemetry().limits.iter().all(|l| l & limits::BRAKED != 0));
+    for command in [Command::Claim, Command::ClearEStop, Command::Arm { boot_nonce: NONCE }] {
+        send(&mut robot, ToRobot::Command(command));
+    }
+    robot.run(100);
+    assert_eq!(robot.coordinator.mode(), Mode::Armed);
+    assert!(robot.coordinator.telemetry().limits.iter().all(|l| l & (limits::BRAKED | limits::HALTED) == 0));
+}
