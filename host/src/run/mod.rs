@@ -21,6 +21,7 @@ mod error;
 mod folder;
 mod info;
 mod metrics_csv;
+mod param_set;
 mod params;
 mod tensorboard;
 
@@ -29,5 +30,6 @@ pub use error::RunError;
 pub use folder::{Layout, RunFolder};
 pub use info::{FORMAT, Revision, RunInfo, utc_now};
 pub use metrics_csv::{MetricsCsv, MetricsTable, read_metrics};
+pub use param_set::{ParamFileError, load_param_set, param_set_text, param_specs};
 pub use params::{Origin, ParamSpec, ParamsError, read_params, write_params};
 pub use tensorboard::{EVENTS_FILE, event_file};
