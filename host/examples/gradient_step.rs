@@ -15,7 +15,13 @@ fn main() -> Result<(), EnafError> {
     let (observation, action, steps) = (24, 5, 30);
     let repeats = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(200);
     for form in [Form::Paper, Form::ConstantsFirst] {
-        let config = EnafConfig { hidden: 64, batch_episodes: 16, ..EnafConfig::for_form(form) };
+        let config = EnafConfig {
+            hidden: 64,
+            batch_episodes: 16,
+            recurrent: Some(true),
+            previous_action: Some(false),
+            ..EnafConfig::for_form(form)
+        };
         let shape = Shape::new(&config, observation, action);
         let mut rng = Pcg64Mcg::seed_from_u64(1);
         let mut replay = Replay::new(64, Pcg64Mcg::seed_from_u64(2));
@@ -28,7 +34,7 @@ fn main() -> Result<(), EnafError> {
                 fell: false,
             });
         }
-        let input = random(shape.input());
+        let (input, previous) = (random(observation), random(action));
         let weights = shape.initial_weights(&vec![0.0; action], &mut rng);
         let mut learner = Learner::new(shape.clone(), vec![weights]);
         let mut times = Vec::new();
@@ -43,7 +49,7 @@ fn main() -> Result<(), EnafError> {
         let mut acts = Vec::new();
         for _ in 0..repeats {
             let start = Instant::now();
-            std::hint::black_box(agent.act(&input[..observation], &input[observation..])?);
+            std::hint::black_box(agent.act(&input, &previous)?);
             acts.push(start.elapsed().as_secs_f64() * 1e6);
         }
         println!("{form:?}: gradient step {:.2} ms, decision {:.0} µs (medians)", median(times), median(acts));

@@ -41,7 +41,7 @@ impl Agent {
         let shape = self.network.shape();
         check("observation", shape.observation, observation)?;
         check("action", shape.action, previous)?;
-        let input = [observation, previous].concat();
+        let input = shape.see(observation, previous);
         let (value, mu) = self.network.decide(&input, &mut self.state)?;
         Ok(Decision { mu, value })
     }
@@ -65,11 +65,7 @@ pub struct Policy {
 
 impl Policy {
     pub(crate) fn new(network: Network, initial_action: &[f32]) -> Self {
-        Self {
-            agent: Agent::new(network),
-            initial_action: initial_action.to_vec(),
-            previous: initial_action.to_vec(),
-        }
+        Self { agent: Agent::new(network), initial_action: initial_action.to_vec(), previous: initial_action.to_vec() }
     }
 
     /// Starts an episode.

@@ -45,8 +45,15 @@ impl Default for NoiseConfig {
 pub struct EnafConfig {
     /// How μ is made.
     pub form: Form,
-    /// A GRU encoder (true) or one feed-forward tanh layer (false).
-    pub recurrent: bool,
+    /// A GRU encoder (true) or one feed-forward tanh layer (false). Absent: GRU wherever the action may depend on the
+    /// state. A constant action has no use for memory, and V with a memory learns the stored episodes by heart instead
+    /// of leaving their differences to the constants.
+    pub recurrent: Option<bool>,
+    /// Show the network the previous action. Absent: the form's own (paper yes, else no).
+    ///
+    /// A constant search must not: an episode's offset shows in every previous action, V would learn to predict what
+    /// the offset costs, and the advantage, from which the constants learn, would be left with nothing to explain.
+    pub previous_action: Option<bool>,
     /// LayerNorm after the dense layer.
     pub layer_norm: bool,
     /// Units of the encoder and of the dense layer.
@@ -92,7 +99,8 @@ impl Default for EnafConfig {
     fn default() -> Self {
         Self {
             form: Form::ConstantsFirst,
-            recurrent: true,
+            recurrent: None,
+            previous_action: None,
             layer_norm: true,
             hidden: 32,
             horizon: 30,
@@ -121,6 +129,18 @@ impl EnafConfig {
     #[must_use]
     pub fn for_form(form: Form) -> Self {
         Self { form, ..Self::default() }
+    }
+
+    /// Whether the encoder is a GRU.
+    #[must_use]
+    pub fn recurrent(&self) -> bool {
+        self.recurrent.unwrap_or(self.form == Form::Paper || self.residual_after.is_some())
+    }
+
+    /// Whether the network sees the previous action.
+    #[must_use]
+    pub fn previous_action(&self) -> bool {
+        self.previous_action.unwrap_or(self.form == Form::Paper)
     }
 
     /// λ of the targets.
@@ -163,6 +183,8 @@ impl EnafConfig {
     #[must_use]
     pub fn resolved(&self) -> Self {
         let mut resolved = self.clone();
+        resolved.recurrent = Some(self.recurrent());
+        resolved.previous_action = Some(self.previous_action());
         resolved.lambda = Some(self.lambda());
         resolved.learning_rate = Some(self.learning_rate());
         resolved.warm_up_episodes = Some(self.warm_up_episodes());

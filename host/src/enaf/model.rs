@@ -1,11 +1,11 @@
 //! The network: V(x), μ(x), L(x) and from them Q(x, u) (eq. 3–4).
 //!
 //! ```text
-//! x = (observation, previous action) ─ encoder ─ dense ─ LayerNorm ─ ReLU ─ head ─┬─ V   [1]
+//! x = (observation, previous action*) ─ encoder ─ dense ─ LayerNorm ─ ReLU ─ head ─┬─ V   [1]
 //!                                                                                ├─ μ   [A]
 //!                                                                                └─ L   [A(A+1)/2]
 //! ```
-//! L is a function of x only, never of the action, and its diagonal is positive, so Q has one maximum in u, at μ.
+//! * if so shaped. L is a function of x only, never of the action, and its diagonal is positive, so Q has one maximum in u, at μ.
 //!
 //! The weights of a network are one flat vector, its parts one after another ([`Shape::part`]). What treats all weights
 //! alike (Adam, Polyak, the clip, a checkpoint) is then one loop over numbers.
@@ -34,6 +34,8 @@ pub struct Shape {
     pub hidden: usize,
     /// GRU or feed-forward encoder.
     pub recurrent: bool,
+    /// The network sees the previous action beside the observation.
+    pub previous_action: bool,
     /// LayerNorm after the dense layer.
     pub layer_norm: bool,
     /// How μ is made.
@@ -45,7 +47,7 @@ pub struct Shape {
 /// The parts of the weight vector, in their order in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// `[O+A, 3H]` (feed-forward `[O+A, H]`).
+    /// `[I, 3H]` (feed-forward `[I, H]`).
     Input,
     /// `[3H]` (`[H]`).
     InputBias,
@@ -77,17 +79,25 @@ impl Shape {
             observation,
             action,
             hidden: config.hidden,
-            recurrent: config.recurrent,
+            recurrent: config.recurrent(),
+            previous_action: config.previous_action(),
             layer_norm: config.layer_norm,
             form: config.form,
             residual_bound: config.residual_bound,
         }
     }
 
-    /// Numbers the network sees at a decision: the observation and the previous action.
+    /// Numbers the network sees at a decision, I: the observation and, if so shaped, the previous action.
     #[must_use]
     pub fn input(&self) -> usize {
-        self.observation + self.action
+        self.observation + if self.previous_action { self.action } else { 0 }
+    }
+
+    /// What the network sees, `[I]`, after `observation` `[O]` and the action `previous` `[A]` before it.
+    #[must_use]
+    pub fn see(&self, observation: &[f32], previous: &[f32]) -> Vec<f32> {
+        let previous = if self.previous_action { previous } else { &[] };
+        [observation, previous].concat()
     }
 
     /// Numbers of the fused head.
@@ -179,15 +189,8 @@ pub struct Network {
 #[derive(Clone, Debug)]
 struct Torso([Tensor<2>; 7]);
 
-const TORSO: [Part; 7] = [
-    Part::Dense,
-    Part::DenseBias,
-    Part::NormScale,
-    Part::NormShift,
-    Part::Head,
-    Part::HeadBias,
-    Part::Constants,
-];
+const TORSO: [Part; 7] =
+    [Part::Dense, Part::DenseBias, Part::NormScale, Part::NormShift, Part::Head, Part::HeadBias, Part::Constants];
 
 impl Torso {
     fn new(shape: &Shape, weights: &[f32], device: &Device) -> Self {
@@ -285,7 +288,7 @@ impl Network {
         matrix(features, [rows, self.shape.hidden], device)
     }
 
-    /// V of every step, `[T·B]`, unrolling `inputs` `[T·B, O+A]` (time-major) from a zero state.
+    /// V of every step, `[T·B]`, unrolling `inputs` `[T·B, I]` (time-major) from a zero state.
     ///
     /// # Errors
     /// [`EnafError::Tensor`] if the tensor library fails.
@@ -295,7 +298,7 @@ impl Network {
         numbers(head.slice(s![.., 0..1]))
     }
 
-    /// One decision: V and μ `[A]` after `input` `[O+A]`; `state` `[H]` moves one step on.
+    /// One decision: V and μ `[A]` after `input` `[I]`; `state` `[H]` moves one step on.
     ///
     /// # Errors
     /// [`EnafError::Tensor`] if the tensor library fails.
@@ -312,7 +315,7 @@ impl Network {
     /// Q(x, u) of every step, `[T·B]`, and the gradient of Σ slope·Q over the weights, where `slope` makes `[T·B]`
     /// numbers of Q. (A loss whose derivative by Q is `slope` has exactly this gradient.)
     ///
-    /// `inputs` `[T·B, O+A]` and `actions` `[T·B, A]` are time-major and start at the episodes' first decision.
+    /// `inputs` `[T·B, I]` and `actions` `[T·B, A]` are time-major and start at the episodes' first decision.
     ///
     /// # Errors
     /// [`EnafError::Tensor`] if the tensor library fails.

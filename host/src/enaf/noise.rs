@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::EnafConfig;
 
-/// The exploration of one session; `begin` starts an episode, `next` gives one decision's noise.
+/// The exploration of one session; `begin` starts an episode, `draw` gives one decision's noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     rng: Pcg64Mcg,
@@ -62,7 +62,7 @@ impl Noise {
     }
 
     /// Noise of the next decision, `[A]`, action units: zeros in an episode that does not explore.
-    pub fn next(&mut self) -> Vec<f32> {
+    pub fn draw(&mut self) -> Vec<f32> {
         for x in &mut self.process {
             *x += -self.theta * *x + self.width * self.rng.sample::<f32, _>(StandardNormal);
         }

@@ -140,9 +140,9 @@ impl Trainer {
         for decision in 0..self.config.horizon {
             check("observation", shape.observation, &observation)?;
             finite("observation", decision, &observation)?;
-            episode.inputs.extend([&observation[..], &previous].concat());
+            episode.inputs.extend(shape.see(&observation, &previous));
             let decided = agent.act(&observation, &previous)?;
-            let noise = self.noise.next();
+            let noise = self.noise.draw();
             let action: Vec<f32> = decided.mu.iter().zip(&noise).map(|(mu, n)| (mu + n).clamp(-1.0, 1.0)).collect();
             let outcome = env.decide(&action).map_err(EnafError::Environment)?;
             finite("reward", decision, &[outcome.reward])?;
@@ -161,7 +161,7 @@ impl Trainer {
         let decisions = episode.rewards.len();
         check("observation", shape.observation, &observation)?;
         finite("observation", decisions, &observation)?;
-        episode.inputs.extend([&observation[..], &previous].concat());
+        episode.inputs.extend(shape.see(&observation, &previous));
         mu_mean.iter_mut().for_each(|mu| *mu /= decisions as f32);
 
         let return_sum = episode.rewards.iter().sum::<f32>();
