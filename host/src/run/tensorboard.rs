@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn begins_as_tensorboard_expects() {
         let file = event_file(&MetricsTable::default(), "episode", "time_s");
-        // Length 26 with the checksum that TensorFlow's own writer gives it, then wall time, step and version.
+        // Length 26: wall time 9, step 2, version 15.
         assert_eq!(file[..8], 26_u64.to_le_bytes());
         assert_eq!(&file[file.len() - 4 - 13..file.len() - 4], b"brain.Event:2");
     }
