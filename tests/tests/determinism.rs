@@ -1,0 +1,40 @@
+//! Equal configuration and seed, equal bits.
+
+use std::thread;
+
+use sarah_firmware::default_params;
+use sarah_firmware::lpg::Drive;
+use sarah_sim::scenario::Scenario;
+use sarah_sim::sil::Sil;
+use sarah_tests::unattended;
+
+/// Every command and the trunk's pose, bit by bit, each millisecond for ten seconds with pushes.
+type Trace = Vec<([Drive; 6], [u32; 7])>;
+
+fn trace(seed: u64) -> Trace {
+    let episode = Scenario::load("train").expect("embedded").episode(seed, 0);
+    let mut sil = Sil::new(&unattended(), default_params(), default_params(), &episode).expect("valid");
+    let record = |until_us| {
+        sil.run_until(until_us);
+        let trunk = sil.robot().trunk();
+        let [x, y, z] = trunk.position_m.map(f32::to_bits);
+        let [qx, qy, qz, qw] = trunk.rotation_xyzw.map(f32::to_bits);
+        (sil.commands(), [x, y, z, qx, qy, qz, qw])
+    };
+    (1..=10_000).map(|ms| ms * 1000).map(record).collect()
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_again_and_on_two_threads() {
+    let first = trace(3);
+    let moved = first.iter().any(|(commands, _)| commands.iter().any(|command| *command != Drive::Brake));
+    assert!(moved, "the pushes of this seed make it step");
+    let [one, two] = [3, 3].map(|seed| thread::spawn(move || trace(seed))).map(|run| run.join().expect("no panic"));
+    // Not assert_eq: the difference would be printed.
+    assert!(first == one && first == two);
+}
+
+#[test]
+fn another_seed_gives_another_trajectory() {
+    assert!(trace(4) != trace(5));
+}
