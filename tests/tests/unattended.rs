@@ -7,6 +7,9 @@ use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_tests::{Bench, drift_m, episode, knee, push, unattended};
 
+/// Forward, more than the robot survives on its brakes alone (19 N·s).
+const BEYOND_BRAKES_N_S: f32 = 20.0;
+
 /// Runs `seconds` without a host; the verdict, the steps, and how far the trunk went after it had settled, m.
 fn alone(config: &SilConfig, pushes: &[sarah_sim::scenario::Push], seconds: u64) -> (Health, u32, f32) {
     let mut bench = Bench::alone(config, &episode(11, pushes));
@@ -41,12 +44,13 @@ fn without_arming_it_never_moves_a_joint() {
     assert_eq!(bench.mode(), Mode::Braked);
 }
 
+/// Untouched, then pushed.
 fn stands_and_survives_at(lpg_rate_hz: u32, seconds: u64) {
     let config = SilConfig { lpg_rate_hz, ..unattended() };
     let (health, steps, drift_m) = alone(&config, &[], seconds);
     assert_eq!((health, steps), (Health::Upright, 0));
     assert!(drift_m < 0.01, "{drift_m} m");
-    let (health, steps, _) = alone(&config, &[push(1.0, 15.0, 0.0)], seconds);
+    let (health, steps, _) = alone(&config, &[push(1.0, BEYOND_BRAKES_N_S, 0.0)], seconds);
     assert_eq!(health, Health::Upright);
     assert!(steps > 0);
 }
@@ -70,7 +74,7 @@ fn at_10_khz_it_stands_and_survives_a_push() {
 fn it_survives_a_push_with_any_bus_latency_up_to_5_ms() {
     for bus_latency_us in [0, 1_000, 2_000, 3_000, 4_000, 5_000] {
         let config = SilConfig { bus_latency_us, ..unattended() };
-        let (health, steps, _) = alone(&config, &[push(1.0, 15.0, 0.0)], 5);
+        let (health, steps, _) = alone(&config, &[push(1.0, BEYOND_BRAKES_N_S, 0.0)], 5);
         assert_eq!(health, Health::Upright, "latency {bus_latency_us} µs");
         assert!(steps > 0, "latency {bus_latency_us} µs");
     }
