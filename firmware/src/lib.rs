@@ -11,3 +11,21 @@ pub mod attitude;
 pub mod coordinator;
 pub mod lpg;
 pub mod node;
+
+use sarah_protocol::params::{ParamSet, RawParams};
+
+const DEFAULT_VALUES: RawParams = include!(concat!(env!("OUT_DIR"), "/default_params.rs"));
+
+/// The set built into the images, from `default-params.toml`: generation 0 of every node.
+pub fn default_params() -> ParamSet {
+    // The build checked the file with the same limits; Table II is what could be said if it had not.
+    ParamSet::new(DEFAULT_VALUES).unwrap_or_else(|_| ParamSet::table_ii())
+}
+
+#[cfg(test)]
+mod default_set {
+    #[test]
+    fn the_built_in_set_is_the_file() {
+        assert_eq!(super::default_params().values(), &super::DEFAULT_VALUES);
+    }
+}

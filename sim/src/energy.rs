@@ -13,8 +13,8 @@ use crate::robot::{Drive, Joint, Robot};
 pub const PAPER_MIXED_H: f64 = 5.0;
 /// Autonomy the paper reports on standby, h.
 pub const PAPER_STANDBY_H: f64 = 12.0;
-/// Charge of one battery, from the paper: 14 Ah at 12 V, J.
-const BATTERY_J: f64 = 12.0 * 14.0 * 3600.0;
+/// Charge of one 12 V, 14 Ah battery, J (paper, §III.A).
+pub const BATTERY_J: f64 = 12.0 * 14.0 * 3600.0;
 
 /// Electrical constants of the robot. All but the number of batteries are assumptions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

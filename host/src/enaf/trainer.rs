@@ -67,6 +67,8 @@ pub struct Trainer {
     noise: Noise,
     replay: Replay,
     episode: u64,
+    /// Worlds skipped because their simulation failed.
+    spoilt: u64,
     /// Gradient steps put off by the warm-up.
     owed_updates: usize,
     /// The latest noise-free episodes, oldest first.
@@ -104,6 +106,7 @@ impl Trainer {
             noise: Noise::new(config, initial_action.len(), noise_rng),
             replay: Replay::new(config.replay_episodes, replay_rng),
             episode: 0,
+            spoilt: 0,
             owed_updates: 0,
             noise_free: VecDeque::new(),
         })
@@ -131,7 +134,7 @@ impl Trainer {
         let mut agent = Agent::new(Network::new(shape, self.learner.weights(), self.gate()));
         self.noise.begin(number);
 
-        let seed = episode_seed(self.seed, number);
+        let seed = episode_seed(self.seed, number + (self.spoilt << 32));
         let mut observation = env.reset(seed).map_err(EnafError::Environment)?;
         let mut previous = self.initial_action.clone();
         let mut episode = Episode::default();
@@ -221,6 +224,11 @@ impl Trainer {
         (n > 0).then(|| self.noise_free.iter().map(|e| e.reward_mean).sum::<f32>() / n as f32)
     }
 
+    /// Goes on in other worlds than the ones to come: for a caller whose simulation of the next one failed.
+    pub fn skip_world(&mut self) {
+        self.spoilt += 1;
+    }
+
     /// Episodes acted so far.
     #[must_use]
     pub fn episodes(&self) -> u64 {
@@ -266,7 +274,7 @@ impl Trainer {
 
 /// The seed of an episode: a function of the session's seed and the episode's number only, so that sessions that differ
 /// in anything but the seed meet the same worlds (SplitMix64, Steele et al. 2014).
-fn episode_seed(seed: u64, episode: u64) -> u64 {
+pub(crate) fn episode_seed(seed: u64, episode: u64) -> u64 {
     let mut z = seed.wrapping_add((episode + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

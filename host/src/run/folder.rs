@@ -46,21 +46,21 @@ impl Layout {
     pub fn figures(&self) -> PathBuf {
         self.root.join("figures")
     }
-    /// One training session of one seed.
-    pub fn session(&self, seed: u64, session: u8) -> PathBuf {
-        self.root.join("seeds").join(seed.to_string()).join(format!("session-{session}"))
+    /// One training session of one seed by one method.
+    pub fn session(&self, method: &str, seed: u64, session: u8) -> PathBuf {
+        self.root.join(method).join(format!("seed-{seed}")).join(format!("session-{session}"))
     }
     /// The metrics of a session, one row per episode.
-    pub fn metrics(&self, seed: u64, session: u8) -> PathBuf {
-        self.session(seed, session).join("metrics.csv")
-    }
-    /// The checkpoint of a session.
-    pub fn checkpoint(&self, seed: u64, session: u8) -> PathBuf {
-        self.session(seed, session).join("checkpoint.bin")
+    pub fn metrics(&self, method: &str, seed: u64, session: u8) -> PathBuf {
+        self.session(method, seed, session).join("metrics.csv")
     }
     /// The TensorBoard folder of a session; TensorBoard shows each as one run.
-    pub fn tensorboard(&self, seed: u64, session: u8) -> PathBuf {
-        self.root.join("tensorboard").join(format!("seed-{seed}-session-{session}"))
+    pub fn tensorboard(&self, method: &str, seed: u64, session: u8) -> PathBuf {
+        self.root.join("tensorboard").join(format!("{method}-seed-{seed}-session-{session}"))
+    }
+    /// Results of evaluations, kept so that a resumed run need not repeat them.
+    pub fn evaluated(&self, what: &str) -> PathBuf {
+        self.root.join("evaluated").join(format!("{what}.json"))
     }
     /// Reads `run.json`, and refuses a run of another format.
     pub fn read_info(&self) -> Result<RunInfo, RunError> {
@@ -128,8 +128,8 @@ impl RunFolder {
     }
 
     /// Creates the folder of a session, if need be, and returns it.
-    pub fn session(&self, seed: u64, session: u8) -> Result<PathBuf, RunError> {
-        make(self.layout.session(seed, session))
+    pub fn session(&self, method: &str, seed: u64, session: u8) -> Result<PathBuf, RunError> {
+        make(self.layout.session(method, seed, session))
     }
 
     /// Creates the figures folder, if need be, and returns it.
@@ -138,8 +138,14 @@ impl RunFolder {
     }
 
     /// Writes the TensorBoard events of a session from its metrics.
-    pub fn write_tensorboard(&self, seed: u64, session: u8, events: &[u8]) -> Result<(), RunError> {
-        write_atomic(&make(self.layout.tensorboard(seed, session))?.join(super::EVENTS_FILE), events)
+    pub fn write_tensorboard(&self, method: &str, seed: u64, session: u8, events: &[u8]) -> Result<(), RunError> {
+        write_atomic(&make(self.layout.tensorboard(method, seed, session))?.join(super::EVENTS_FILE), events)
+    }
+
+    /// Keeps the results of an evaluation.
+    pub fn write_evaluated(&self, what: &str, json: &[u8]) -> Result<(), RunError> {
+        make(self.layout.root().join("evaluated"))?;
+        write_atomic(&self.layout.evaluated(what), json)
     }
 }
 
@@ -192,7 +198,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("a/b");
         let run = RunFolder::create(&root, "x = 1\n", &info()).unwrap();
-        let session = run.session(1, 2).unwrap();
+        let session = run.session("enaf", 1, 2).unwrap();
         assert!(session.ends_with("seeds/1/session-2"));
         fs::write(session.join(".sarah-abc.tmp"), "half").unwrap();
         drop(run);

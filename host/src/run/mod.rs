@@ -4,8 +4,9 @@
 //! DIR/
 //!   config.toml        the resolved configuration, as used
 //!   run.json           revision, version, seeds, command line; its presence means "this run has begun"
-//!   seeds/<seed>/session-<n>/metrics.csv      one row per episode, append-only
-//!   seeds/<seed>/session-<n>/checkpoint.bin   everything needed to go on, and how long metrics.csv was
+//!   <method>/seed-<s>/session-<n>/metrics.csv      one row per episode, append-only
+//!   <method>/seed-<s>/session-<n>/checkpoint.bin   everything needed to go on, and how long metrics.csv was
+//!   evaluated/         results of evaluations, kept so that a resumed run need not repeat them
 //!   tensorboard/       event files, derived from the metrics
 //!   params.toml        the trained parameter set
 //!   evaluation.json    the numbers behind the report

@@ -1,0 +1,239 @@
+//! Controllers on common episodes: the same pushes, the same sensor noise, nothing learned on the way.
+
+use std::num::NonZero;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::telemetry::Telemetry;
+use sarah_sim::energy::{BATTERY_J, EnergyConfig};
+use sarah_sim::robot::Health;
+use sarah_sim::scenario::{Episode, Scenario};
+use sarah_sim::sil::SilConfig;
+use thiserror::Error;
+
+use crate::enaf::{EnafError, Policy};
+use crate::figures::Pose as DrawnPose;
+use crate::link::sim::{LinkError, SLICE_US, SimRobot, Slice};
+use crate::metrics::{Autonomy, EnergyJ, EpisodeResult, Outcome, Trace, TraceSample};
+use crate::task::environment::DECISION_S;
+use crate::task::judge::Judge;
+use crate::task::observation::{acceleration_m_s2, loads_n, observe, rate_rad_s};
+use crate::task::reward::RewardForm;
+use crate::task::action;
+
+/// Who balances.
+#[derive(Clone, Debug)]
+pub enum Controller {
+    /// Nobody: the brakes stay on.
+    Braked,
+    /// The pattern generators with a constant set.
+    Constants(ParamSet),
+    /// The pattern generators, with an agent that moves one generator's parameters once a second.
+    Policy {
+        /// The agent.
+        policy: Box<Policy>,
+        /// Everything it does not move.
+        base: ParamSet,
+        /// What it moves.
+        lpg: Lpg,
+    },
+}
+
+/// Why an episode could not be evaluated.
+#[derive(Debug, Error)]
+pub enum EvaluateError {
+    /// The link or the simulation.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The agent.
+    #[error(transparent)]
+    Agent(#[from] EnafError),
+}
+
+/// An episode with everything a figure needs.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    /// Sample by sample, one per telemetry frame.
+    pub trace: Trace,
+    /// The robot's pose at the same times.
+    pub poses: Vec<DrawnPose>,
+}
+
+/// Runs one episode.
+pub fn run_episode(
+    controller: &Controller,
+    config: &SilConfig,
+    episode: &Episode,
+    mut recording: Option<&mut Recording>,
+) -> Result<EpisodeResult, EvaluateError> {
+    let mut robot = SimRobot::start(config, episode)?;
+    let mut health = match controller {
+        Controller::Braked => wait_until(&mut robot, episode.settle_s)?,
+        Controller::Constants(set) => {
+            robot.set_params(*set);
+            robot.ready_at(episode.settle_s)?
+        }
+        Controller::Policy { base, .. } => {
+            robot.set_params(*base);
+            robot.ready_at(episode.settle_s)?
+        }
+    };
+    let mut policy = match controller {
+        Controller::Policy { policy, base, lpg } => Some((policy.clone(), *base, *lpg)),
+        _ => None,
+    };
+    if let Some((policy, ..)) = &mut policy {
+        policy.reset();
+    }
+    let mut judge = Judge::new(robot.now_s());
+    judge.saw(robot.now_s(), robot.pose(), &[]);
+    let origin = robot.pose().position_m;
+    let (mut paper, mut gated) = (0.0, 0.0);
+    let horizon = ((episode.duration_s - episode.settle_s) / DECISION_S).max(1.0);
+    let mut second: Vec<Telemetry> = vec![];
+    let slices_per_decision = (DECISION_S * 1e6) as u64 / SLICE_US;
+    let mut slices = 0;
+    while health == Health::Upright && robot.now_s() < episode.duration_s - 1e-3 {
+        if slices % slices_per_decision == 0
+            && let Some((policy, base, lpg)) = &mut policy
+        {
+            let chosen = policy.act(&observe(&second))?;
+            robot.set_params(action::decode(base, *lpg, &chosen));
+            second.clear();
+        }
+        let Slice { telemetry, health: now, pushed } = robot.advance()?;
+        health = now;
+        let now_s = robot.now_s();
+        if pushed {
+            judge.pushed(now_s);
+        }
+        judge.saw(now_s, robot.pose(), &telemetry);
+        if let Some(recording) = recording.as_deref_mut() {
+            record(recording, &robot, &telemetry, origin);
+        }
+        second.extend(telemetry);
+        slices += 1;
+        if slices % slices_per_decision == 0 && health == Health::Upright {
+            let deed = judge.decide(now_s);
+            paper += deed.reward(RewardForm::Paper);
+            gated += deed.reward(RewardForm::Gated);
+        }
+    }
+    let at_s = robot.now_s();
+    let energy = robot.sil().meter().energy();
+    Ok(EpisodeResult {
+        direction_deg: episode.direction.and(episode.pushes.first()).map(|push| push.direction_deg),
+        impulse_n_s: episode.pushes.first().map_or(0.0, |push| push.impulse_n_s),
+        seed: episode.seed,
+        outcome: match health {
+            Health::Upright => Outcome::Survived,
+            Health::Fallen { .. } => Outcome::Fell { at_s },
+            Health::NonFinite => Outcome::NonFinite { at_s },
+            Health::Exploded { .. } => Outcome::Exploded { at_s },
+        },
+        steps: judge.steps(),
+        steps_per_s: judge.steps_per_s(),
+        drift_3s_m: judge.drift_3s_m(),
+        settle_s: judge.settle_s(),
+        energy_j: EnergyJ {
+            actuators: energy.motors_j as f32,
+            brakes: energy.brakes_j as f32,
+            compute: energy.compute_j as f32,
+        },
+        reward_paper: paper / horizon.floor(),
+        reward_gated: gated / horizon.floor(),
+    })
+}
+
+fn wait_until(robot: &mut SimRobot, at_s: f32) -> Result<Health, LinkError> {
+    loop {
+        let health = robot.advance()?.health;
+        if health != Health::Upright || robot.now_s() >= at_s - 1e-4 {
+            return Ok(health);
+        }
+    }
+}
+
+fn record(recording: &mut Recording, robot: &SimRobot, telemetry: &[Telemetry], origin: [f32; 3]) {
+    let [x, y, z] = robot.pose().position_m;
+    let trunk = robot.sil().robot().trunk();
+    for frame in telemetry {
+        let [abd_l, hip_l, knee_l, abd_r, hip_r, knee_r] = frame.joints.map(|q| q.to_f32());
+        let joints = [abd_l, abd_r, hip_l, hip_r, knee_l, knee_r];
+        recording.trace.samples.push(TraceSample {
+            t_s: robot.now_s(),
+            trunk_m: [x - origin[0], y - origin[1], z],
+            accel_m_s2: acceleration_m_s2(frame),
+            gyro_rad_s: rate_rad_s(frame),
+            factor: frame.factor.to_f32(),
+            phase: frame.phases[0],
+            pads_n: loads_n(frame),
+            joints,
+        });
+        recording.poses.push(DrawnPose {
+            t_s: robot.now_s(),
+            trunk_m: trunk.position_m,
+            trunk_quat: trunk.rotation_xyzw,
+            joints,
+            pads_n: loads_n(frame),
+        });
+    }
+}
+
+/// Runs episodes `0..count` of a scenario on as many threads as there are cores; results in order. `done` is called
+/// after each.
+pub fn run_many(
+    controller: &Controller,
+    config: &SilConfig,
+    scenario: &Scenario,
+    seed: u64,
+    count: u64,
+    done: &(dyn Fn() + Sync),
+) -> Result<Vec<EpisodeResult>, EvaluateError> {
+    parallel(count as usize, |index| {
+        let result = run_episode(controller, config, &scenario.episode(seed, index as u64), None);
+        done();
+        result
+    })
+    .into_iter()
+    .collect()
+}
+
+/// `work(0), work(1), …` on as many threads as there are cores, results in order.
+pub fn parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let threads = std::thread::available_parallelism().map_or(1, NonZero::get).min(count.max(1));
+    let next = AtomicUsize::new(0);
+    let results: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::with_capacity(count));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= count {
+                        break;
+                    }
+                    let result = work(index);
+                    // A poisoned lock means that another worker panicked; its panic ends the scope anyway.
+                    results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((index, result));
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Estimated time on one charge: pushed as often as in `results`, and standing. `None` without results.
+pub fn autonomy(config: &EnergyConfig, results: &[EpisodeResult]) -> Option<Autonomy> {
+    let energy: Vec<EnergyJ> = results.iter().map(|result| result.energy_j).collect();
+    let sum = |part: fn(&EnergyJ) -> f32| energy.iter().map(|one| f64::from(part(one))).sum::<f64>();
+    // The computers draw constant power, so their energy tells the time.
+    let seconds = sum(|one| one.compute) / config.compute_w;
+    let moving_w = (sum(|one| one.actuators) + sum(|one| one.brakes)) / seconds;
+    let battery_j = BATTERY_J * config.usable_charge;
+    let standby_h = battery_j / config.compute_w / 3600.0;
+    (seconds > 0.0)
+        .then(|| Autonomy { mixed_h: (3.0 * battery_j / moving_w.max(1e-9) / 3600.0).min(standby_h), standby_h })
+}

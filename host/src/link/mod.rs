@@ -1,0 +1,3 @@
+//! The host's end of the link to a robot.
+
+pub mod sim;

@@ -1,0 +1,13 @@
+//! The task: what the agent sees, what it may do, and what that is worth.
+//!
+//! - [`observation`]: a second of telemetry in 48 numbers.
+//! - [`action`]: from [-1, 1] to the parameters of one session and back.
+//! - [`reward`]: eq. 5, as printed and gated.
+//! - [`judge`]: measures a run of the robot: rewards, steps, drift, settling.
+//! - [`environment`]: all of it as the world an agent learns in.
+
+pub mod action;
+pub mod environment;
+pub mod judge;
+pub mod observation;
+pub mod reward;

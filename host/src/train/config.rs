@@ -1,0 +1,239 @@
+//! What a training run does: resolved, validated, and saved with the run.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::enaf::{EnafConfig, EnafError, Form};
+use crate::task::reward::RewardForm;
+use sarah_sim::scenario::{Scenario, ScenarioError};
+use sarah_sim::sil::SilConfig;
+
+/// How constants or a policy are found.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// eNAF in its default form: learned constants first.
+    Enaf,
+    /// eNAF in the paper's exact form.
+    EnafPaper,
+    /// CMA-ES over constants.
+    CmaEs,
+    /// Random search over constants.
+    Random,
+}
+
+impl Method {
+    /// Name in tables and figures.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Method::Enaf => "eNAF",
+            Method::EnafPaper => "eNAF, paper's form",
+            Method::CmaEs => "CMA-ES",
+            Method::Random => "random search",
+        }
+    }
+
+    /// Name on the command line, in configurations and of its folder in a run.
+    pub const fn folder(self) -> &'static str {
+        match self {
+            Method::Enaf => "enaf",
+            Method::EnafPaper => "enaf-paper",
+            Method::CmaEs => "cma-es",
+            Method::Random => "random",
+        }
+    }
+}
+
+/// One training run. Absent fields take their defaults; unknown ones are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainConfig {
+    /// First seed; a run uses `seed .. seed + seeds`.
+    pub seed: u64,
+    /// Number of seeds. The report speaks of all of them, never of the best.
+    pub seeds: u64,
+    /// Episodes per session and method.
+    pub episodes: u32,
+    /// What is trained, ours first.
+    pub methods: Vec<Method>,
+    /// Training scenario, by name or path.
+    pub scenario: String,
+    /// Reward of training.
+    pub reward: RewardForm,
+    /// Episodes that judge a session, before and after, on common pushes.
+    pub judged_episodes: u32,
+    /// Impulses of the final push grids, N·s.
+    pub grid_impulses_n_s: Vec<f32>,
+    /// Episodes per direction of the final push grids (24 directions).
+    pub grid_repeats: u32,
+    /// Episodes between two checkpoints.
+    pub checkpoint_every: u32,
+    /// The agent.
+    pub enaf: EnafConfig,
+    /// The robot and its firmware.
+    pub robot: SilConfig,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        TrainConfig {
+            seed: 1,
+            seeds: 5,
+            episodes: 60,
+            methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
+            scenario: "train".into(),
+            reward: RewardForm::Gated,
+            judged_episodes: 50,
+            grid_impulses_n_s: vec![24.0, 18.0],
+            grid_repeats: 4,
+            checkpoint_every: 5,
+            enaf: EnafConfig::default(),
+            robot: SilConfig::default(),
+        }
+    }
+}
+
+/// Why a run cannot start.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// A field.
+    #[error("configuration: {field} must be {rule}")]
+    Field {
+        /// Which.
+        field: &'static str,
+        /// What it must satisfy.
+        rule: &'static str,
+    },
+    /// The agent's part.
+    #[error(transparent)]
+    Enaf(#[from] EnafError),
+    /// The scenario.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// Not TOML, or not ours.
+    #[error("{file}: {message}; `sarah train --print-config` shows a complete one")]
+    Parse {
+        /// Which file.
+        file: String,
+        /// Where and why, in one line.
+        message: String,
+    },
+}
+
+impl TrainConfig {
+    /// The same path with smaller numbers: shows that everything works, proves nothing.
+    pub fn quick() -> Self {
+        TrainConfig {
+            seeds: 2,
+            episodes: 10,
+            methods: vec![Method::Enaf, Method::CmaEs],
+            judged_episodes: 6,
+            grid_impulses_n_s: vec![24.0],
+            grid_repeats: 1,
+            enaf: EnafConfig { warm_up_episodes: Some(3), ..EnafConfig::default() },
+            ..TrainConfig::default()
+        }
+    }
+
+    /// Reads and checks TOML; `file` is for messages.
+    pub fn parse(file: &str, text: &str) -> Result<Self, ConfigError> {
+        let config: TrainConfig = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(String::new(), |span| {
+                format!("line {}: ", text[..span.start.min(text.len())].matches('\n').count() + 1)
+            });
+            ConfigError::Parse { file: file.into(), message: format!("{line}{}", error.message().replace('\n', " ")) }
+        })?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Checks every field.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let rules = [
+            ("seeds", (1..=1000).contains(&self.seeds), "1 to 1000"),
+            ("seed", self.seed < 1 << 40, "below 2^40"),
+            ("episodes", (1..=100_000).contains(&self.episodes), "1 to 100000"),
+            ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random"),
+            ("judged_episodes", (2..=100_000).contains(&self.judged_episodes), "2 to 100000"),
+            ("grid_repeats", (1..=1000).contains(&self.grid_repeats), "1 to 1000"),
+            ("checkpoint_every", self.checkpoint_every > 0, "1 or more"),
+            (
+                "grid_impulses_n_s",
+                !self.grid_impulses_n_s.is_empty()
+                    && self.grid_impulses_n_s.iter().all(|impulse| (0.0..=100.0).contains(impulse)),
+                "one or more numbers from 0 to 100",
+            ),
+        ];
+        for (field, holds, rule) in rules {
+            if !holds {
+                return Err(ConfigError::Field { field, rule });
+            }
+        }
+        let mut unique = self.methods.clone();
+        unique.sort();
+        unique.dedup();
+        if unique.len() != self.methods.len() {
+            return Err(ConfigError::Field { field: "methods", rule: "a list without repetition" });
+        }
+        self.enaf.validate()?;
+        self.train_scenario()?;
+        Ok(())
+    }
+
+    /// The training scenario.
+    pub fn train_scenario(&self) -> Result<Scenario, ScenarioError> {
+        Scenario::load(&self.scenario)
+    }
+
+    /// The agent's configuration for a method.
+    pub fn enaf_for(&self, method: Method) -> EnafConfig {
+        match method {
+            // Everything that the form decides is the form's own; what both share is as configured.
+            Method::EnafPaper => EnafConfig {
+                form: Form::Paper,
+                horizon: self.enaf.horizon,
+                hidden: self.enaf.hidden,
+                layer_norm: self.enaf.layer_norm,
+                batch_episodes: self.enaf.batch_episodes,
+                depth: self.enaf.depth,
+                gamma: self.enaf.gamma,
+                ..EnafConfig::default()
+            },
+            _ => self.enaf.clone(),
+        }
+    }
+
+    /// As TOML, every default written out.
+    pub fn to_toml(&self) -> Result<String, ConfigError> {
+        toml::to_string_pretty(self)
+            .map_err(|error| ConfigError::Parse { file: "configuration".into(), message: error.to_string() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_configuration_reads_back_as_it_was() {
+        for config in [TrainConfig::default(), TrainConfig::quick()] {
+            let text = config.to_toml().expect("writes");
+            assert_eq!(TrainConfig::parse("config.toml", &text).expect("reads"), config);
+        }
+    }
+
+    #[test]
+    fn a_misspelt_key_is_one_line_that_names_it() {
+        let error = TrainConfig::parse("my.toml", "episodes = 3\nepisods = 4\n").expect_err("unknown key");
+        let text = error.to_string();
+        assert!(text.contains("my.toml: line 2") && text.contains("episods") && !text.contains('\n'), "{text}");
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused_by_name() {
+        for (text, field) in [("seeds = 0", "seeds"), ("grid_impulses_n_s = [nan]", "grid_impulses_n_s")] {
+            let error = TrainConfig::parse("my.toml", text).expect_err("out of range").to_string();
+            assert!(error.contains(field), "{error}");
+        }
+    }
+}

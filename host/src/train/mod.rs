@@ -1,0 +1,178 @@
+//! A training run from configuration to report.
+//!
+//! ```text
+//!  every method × seed:  session 1 (knee) ─► session 2 (hip) ─► session 3 (abductor)      earlier ones frozen
+//!  judged:               every session before and after, on pushes nobody trained on
+//!  compared:             trained, default, braked, CMA-ES on push grids
+//!  left in the folder:   config, metrics, checkpoints, params.toml, evaluation.json, figures, report.md
+//! ```
+//!
+//! - [`config`]: what a run does. [`session`]: one session with its checkpoint. [`outcome`]: judging and comparing.
+
+pub mod config;
+pub mod outcome;
+pub mod session;
+
+use std::path::{Path, PathBuf};
+
+use sarah_protocol::params::{Lpg, ParamSet};
+use thiserror::Error;
+
+use crate::enaf::EnafError;
+use crate::evaluate::{EvaluateError, parallel};
+use crate::progress::Progress;
+use crate::run::{RunError, RunFolder, RunInfo, event_file, read_metrics};
+
+pub use config::{ConfigError, Method, TrainConfig};
+use session::{Session, Trained};
+
+/// Why a run stopped.
+#[derive(Debug, Error)]
+pub enum TrainError {
+    /// What was asked for.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The agent.
+    #[error(transparent)]
+    Enaf(#[from] EnafError),
+    /// The run folder.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Judging.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// A checkpoint of another program.
+    #[error(
+        "{path} is damaged or not a checkpoint of format {expected}: resume with the version that wrote it, or start a new run"
+    )]
+    Checkpoint {
+        /// Which.
+        path: PathBuf,
+        /// The format read here.
+        expected: u32,
+    },
+    /// A file that is there but cannot be read.
+    #[error("cannot read {path}: {source}; check its permissions")]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Stored results that do not decode.
+    #[error("{path} is damaged ({why}): delete it and resume, and it is made again")]
+    Stored {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
+    /// A figure.
+    #[error("{0}")]
+    Figure(String),
+}
+
+/// One method with one seed through all three sessions.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    /// The method.
+    pub method: Method,
+    /// The seed.
+    pub seed: u64,
+    /// After each session.
+    pub sessions: Vec<Trained>,
+}
+
+impl Chain {
+    /// The set that session `index` began with.
+    pub fn base(&self, index: usize) -> ParamSet {
+        match index.checked_sub(1) {
+            Some(before) => self.sessions[before].constants,
+            None => ParamSet::table_ii(),
+        }
+    }
+}
+
+/// A new run.
+pub fn train(config: &TrainConfig, out: &Path) -> Result<PathBuf, TrainError> {
+    config.validate()?;
+    let seeds = (config.seed..config.seed + config.seeds).collect();
+    let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
+    let folder = RunFolder::create(out, &config.to_toml()?, &info)?;
+    run(config, &folder, &info)
+}
+
+/// Goes on with a run that was cut off; ends as it would have without the cut.
+pub fn resume(out: &Path) -> Result<PathBuf, TrainError> {
+    let (folder, info) = RunFolder::resume(out)?;
+    let path = folder.layout().config();
+    let config = TrainConfig::parse(&path.display().to_string(), &crate::run::read_text(&path)?)?;
+    run(&config, &folder, &info)
+}
+
+fn run(config: &TrainConfig, folder: &RunFolder, info: &RunInfo) -> Result<PathBuf, TrainError> {
+    let chains = (config.seeds * config.methods.len() as u64) as usize;
+    let training = chains as u64 * 3 * u64::from(config.episodes);
+    let progress = Progress::new(training + outcome::episodes(config));
+    let result = run_with(config, folder, info, &progress);
+    progress.finish();
+    result
+}
+
+fn run_with(
+    config: &TrainConfig,
+    folder: &RunFolder,
+    info: &RunInfo,
+    progress: &Progress,
+) -> Result<PathBuf, TrainError> {
+    progress.phase(&format!("training in {}", folder.layout().root().display()));
+    let jobs: Vec<(Method, u64)> = (config.seed..config.seed + config.seeds)
+        .flat_map(|seed| config.methods.iter().map(move |method| (*method, seed)))
+        .collect();
+    let chains: Result<Vec<Chain>, TrainError> =
+        parallel(jobs.len(), |job| chain(config, folder, jobs[job].0, jobs[job].1, progress)).into_iter().collect();
+    let chains = chains?;
+    let report = outcome::judge(config, folder, info, &chains, progress)?;
+    progress.phase("writing the report");
+    outcome::write_report(folder.layout(), &report)?;
+    let root = folder.layout().root().to_path_buf();
+    progress.finish();
+    for evaluation in &report.evaluations {
+        println!("\n{}\n{}", evaluation.title, crate::report::headline(evaluation));
+    }
+    println!("report: {}", folder.layout().report().display());
+    println!("parameters: {}", folder.layout().params().display());
+    Ok(root)
+}
+
+fn chain(
+    config: &TrainConfig,
+    folder: &RunFolder,
+    method: Method,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Chain, TrainError> {
+    let mut chain = Chain { method, seed, sessions: vec![] };
+    for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
+        let number = index as u8 + 1;
+        let place = folder.session(method.folder(), seed, number)?;
+        let mut session = Session::open(config, method, lpg, chain.base(index), seed, &place)?;
+        progress.skip(session.episodes().min(config.episodes).into());
+        let mut recent = vec![];
+        while session.episodes() < config.episodes {
+            recent.push(session.episode()?);
+            let tail = &recent[recent.len().saturating_sub(10)..];
+            let mean = tail.iter().sum::<f32>() / tail.len() as f32;
+            progress.episode(Some(format!("{} seed {seed} session {number}: reward {mean:.2}", method.name())));
+            let done = session.episodes();
+            if done % config.checkpoint_every == 0 || done == config.episodes {
+                session.save()?;
+            }
+        }
+        let metrics = read_metrics(&folder.layout().metrics(method.folder(), seed, number))?;
+        let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
+        folder.write_tensorboard(method.folder(), seed, number, &events)?;
+        chain.sessions.push(session.trained());
+    }
+    Ok(chain)
+}

@@ -1,0 +1,294 @@
+//! What the training was worth: every session judged before and after, controllers compared, the report written.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use sarah_firmware::default_params;
+use sarah_protocol::params::{Lpg, ParamSet, SPECS};
+use sarah_sim::scenario::{Overrides, Scenario};
+
+use super::{Chain, ConfigError, Method, TrainConfig, TrainError};
+use crate::evaluate::{Controller, Recording, autonomy, run_episode, run_many};
+use crate::figures::Push;
+use crate::metrics::EpisodeResult;
+use crate::progress::Progress;
+use crate::report::{
+    ControllerReport, Evaluation, LearnerReport, ParameterRow, RunReport, SessionReport, ShownEpisode, draw_figures,
+    markdown, session_curves,
+};
+use crate::run::{
+    Layout, MetricsTable, Origin, RunFolder, RunInfo, param_set_text, param_specs, read_metrics, read_text,
+    write_atomic,
+};
+use crate::task::reward::RewardForm;
+
+/// Seeds of judging lie here, those of training below 2^40·10 + 2: no push is both trained on and judged on.
+const JUDGE_SEED: u64 = 1 << 60;
+/// Directions of a push grid.
+const DIRECTIONS: u32 = 24;
+/// Poses in the picture of an episode.
+const POSES: usize = 7;
+
+/// Episodes that judging will take.
+pub fn episodes(config: &TrainConfig) -> u64 {
+    let chains = config.seeds * config.methods.len() as u64;
+    let sessions = (1 + chains * 3) * u64::from(config.judged_episodes);
+    let controllers = config.methods.len() as u64 + 2;
+    let grid = u64::from(DIRECTIONS * config.grid_repeats) * config.grid_impulses_n_s.len() as u64;
+    sessions + controllers * grid
+}
+
+/// Judges every chain and compares controllers.
+pub fn judge(
+    config: &TrainConfig,
+    folder: &RunFolder,
+    info: &RunInfo,
+    chains: &[Chain],
+    progress: &Progress,
+) -> Result<RunReport, TrainError> {
+    progress.phase("judging every session on common pushes");
+    let judge = Judge { config, folder, progress, scenario: config.train_scenario().map_err(ConfigError::from)? };
+    let start = judge.rewards("start", &Controller::Constants(ParamSet::table_ii()))?;
+    let mut judged = BTreeMap::new();
+    for chain in chains {
+        for (index, trained) in chain.sessions.iter().enumerate() {
+            let controller = match &trained.policy {
+                Some(policy) => Controller::Policy {
+                    policy: Box::new(policy.clone()),
+                    base: chain.base(index),
+                    lpg: Lpg::ALL[index],
+                },
+                None => Controller::Constants(trained.constants),
+            };
+            let name = format!("{}-seed-{}-session-{}", chain.method.folder(), chain.seed, index + 1);
+            judged.insert((chain.method, chain.seed, index), judge.rewards(&name, &controller)?);
+        }
+    }
+    let sessions = (0..3).map(|index| session_report(config, chains, &start, &judged, index)).collect();
+
+    let chosen: Vec<&Chain> = config
+        .methods
+        .iter()
+        .filter_map(|method| median_chain(chains, *method, |chain| mean(&judged[&(*method, chain.seed, 2)])))
+        .collect();
+    progress.phase("comparing controllers on push grids");
+    let mut evaluations = vec![];
+    for impulse in &config.grid_impulses_n_s {
+        evaluations.push(judge.grid(*impulse, &chosen)?);
+    }
+    let best = chosen.first().map_or_else(default_params, |chain| chain.base(3));
+    let origin = Origin {
+        run: folder.layout().root().file_name().map(|name| name.to_string_lossy().into_owned()),
+        seed: chosen.first().map(|chain| chain.seed),
+        revision: info.revision.clone(),
+        agent: config.methods.first().map(|method| method.name().to_owned()),
+    };
+    write_atomic(&folder.layout().params(), param_set_text(&best, Some(&origin)).as_bytes())?;
+    let report = RunReport {
+        info: info.clone(),
+        evaluations,
+        sessions,
+        parameters: parameters(config, chains, &best),
+        episode: Some(shown(config, &best)?),
+    };
+    write_atomic(&folder.layout().evaluation(), &json(&report)?)?;
+    Ok(report)
+}
+
+/// Figures and text from a run's data. Reads everything it shows from the folder, except the report's own numbers.
+pub fn write_report(layout: &Layout, report: &RunReport) -> Result<(), TrainError> {
+    let config_text = read_text(&layout.config())?;
+    let config = TrainConfig::parse(&layout.config().display().to_string(), &config_text)?;
+    let mut curves = vec![];
+    for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
+        let mut agents: Vec<(&str, Vec<MetricsTable>)> = vec![];
+        for method in &config.methods {
+            let tables: Result<Vec<_>, _> = (config.seed..config.seed + config.seeds)
+                .map(|seed| read_metrics(&layout.metrics(method.folder(), seed, index as u8 + 1)))
+                .collect();
+            agents.push((method.name(), tables?));
+        }
+        let specs = param_specs();
+        curves.push(session_curves(index as u8 + 1, &specs[lpg.range()], &agents));
+    }
+    let figures = draw_figures(report, &curves);
+    std::fs::create_dir_all(layout.figures())
+        .map_err(|source| TrainError::Read { path: layout.figures(), source })?;
+    for figure in &figures {
+        let saved = figure.figure.save(&layout.figures(), &figure.name);
+        saved.map_err(|error| TrainError::Figure(error.to_string()))?;
+    }
+    Ok(write_atomic(&layout.report(), markdown(report, &config_text, &figures).as_bytes())?)
+}
+
+/// The report as stored in a run folder.
+pub fn read_report(layout: &Layout) -> Result<RunReport, TrainError> {
+    let path = layout.evaluation();
+    decode(&path, &read_text(&path)?)
+}
+
+struct Judge<'a> {
+    config: &'a TrainConfig,
+    folder: &'a RunFolder,
+    progress: &'a Progress,
+    scenario: Scenario,
+}
+
+impl Judge<'_> {
+    /// Rewards on the training scenario with pushes of the judge's own, one per episode.
+    fn rewards(&self, name: &str, controller: &Controller) -> Result<Vec<f64>, TrainError> {
+        let results = self.kept(name, controller, &self.scenario, self.config.judged_episodes.into())?;
+        Ok(results
+            .iter()
+            .map(|result| {
+                f64::from(match self.config.reward {
+                    RewardForm::Paper => result.reward_paper,
+                    RewardForm::Gated => result.reward_gated,
+                })
+            })
+            .collect())
+    }
+
+    /// Results from the folder, or made now and kept there.
+    fn kept(
+        &self,
+        name: &str,
+        controller: &Controller,
+        scenario: &Scenario,
+        count: u64,
+    ) -> Result<Vec<EpisodeResult>, TrainError> {
+        let path = self.folder.layout().evaluated(name);
+        if path.exists() {
+            self.progress.skip(count);
+            return decode(&path, &read_text(&path)?);
+        }
+        let robot = &self.config.robot;
+        let done = || self.progress.episode(None);
+        let results = run_many(controller, robot, scenario, JUDGE_SEED + self.config.seed, count, &done)?;
+        self.folder.write_evaluated(name, &json(&results)?)?;
+        Ok(results)
+    }
+
+    fn grid(&self, impulse: f32, chosen: &[&Chain]) -> Result<Evaluation, TrainError> {
+        let repeats = self.config.grid_repeats;
+        let overrides =
+            Overrides { impulse_n_s: Some(impulse), directions: Some(DIRECTIONS), repeats: Some(repeats) };
+        let scenario =
+            Scenario::load("push-grid").and_then(|grid| grid.with(&overrides)).map_err(ConfigError::from)?;
+        let trained = chosen.iter().enumerate().map(|(rank, chain)| {
+            let name = match (rank, chain.method) {
+                (0, method) => format!("trained ({})", method.name()),
+                (_, method) => method.name().to_owned(),
+            };
+            (name, chain.method.folder(), Controller::Constants(chain.base(3)))
+        });
+        let others = [
+            ("default".to_owned(), "default", Controller::Constants(default_params())),
+            ("braked".to_owned(), "braked", Controller::Braked),
+        ];
+        let mut controllers = vec![];
+        for (label, file, controller) in trained.chain(others) {
+            let count = u64::from(DIRECTIONS * repeats);
+            let results = self.kept(&format!("grid-{impulse}-{file}"), &controller, &scenario, count)?;
+            let mut report = ControllerReport::new(&label, "push-grid", &results);
+            report.summary.autonomy = autonomy(&self.config.robot.energy, &results);
+            controllers.push(report);
+        }
+        Ok(Evaluation {
+            title: format!("push-grid, {impulse} N·s, {DIRECTIONS} directions × {repeats}"),
+            controllers,
+        })
+    }
+}
+
+fn session_report(
+    config: &TrainConfig,
+    chains: &[Chain],
+    start: &[f64],
+    judged: &BTreeMap<(Method, u64, usize), Vec<f64>>,
+    index: usize,
+) -> SessionReport {
+    let learners = config.methods.iter().filter_map(|method| {
+        let seeds = chains.iter().filter(|chain| chain.method == *method).map(|chain| chain.seed);
+        let before: Vec<Vec<f64>> = seeds
+            .clone()
+            .map(|seed| match index.checked_sub(1) {
+                Some(earlier) => judged[&(*method, seed, earlier)].clone(),
+                None => start.to_vec(),
+            })
+            .collect();
+        let after: Vec<Vec<f64>> = seeds.map(|seed| judged[&(*method, seed, index)].clone()).collect();
+        // Both lists have one entry per seed and one number per judged episode.
+        LearnerReport::new(method.name(), &before, &after, config.seed).ok()
+    });
+    let what = ["linear actuators (P1–P3)", "hips (H1–H5)", "abductors (V1–V5)"][index.min(2)];
+    SessionReport {
+        session: index as u8 + 1,
+        what: what.into(),
+        episodes: config.episodes,
+        reward: match config.reward {
+            RewardForm::Paper => "paper".into(),
+            RewardForm::Gated => "gated".into(),
+        },
+        learners: learners.collect(),
+    }
+}
+
+/// The chain of the median final reward: what a user may expect, not what luck once gave.
+fn median_chain(chains: &[Chain], method: Method, reward: impl Fn(&Chain) -> f64) -> Option<&Chain> {
+    let mut ranked: Vec<(f64, &Chain)> =
+        chains.iter().filter(|chain| chain.method == method).map(|chain| (reward(chain), chain)).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked.get(ranked.len().saturating_sub(1) / 2).map(|(_, chain)| *chain)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Vec<ParameterRow> {
+    let ours = config.methods.first();
+    let rows = SPECS.iter().enumerate().map(|(index, spec)| ParameterRow {
+        symbol: spec.symbol.into(),
+        unit: spec.unit.into(),
+        what: spec.meaning.into(),
+        start: ParamSet::table_ii().values()[index].into(),
+        trained: chains
+            .iter()
+            .filter(|chain| Some(&chain.method) == ours)
+            .map(|chain| chain.base(3).values()[index].into())
+            .collect(),
+        chosen: chosen.values()[index].into(),
+    });
+    rows.collect()
+}
+
+/// The paper's own evaluation episode, recorded.
+fn shown(config: &TrainConfig, set: &ParamSet) -> Result<ShownEpisode, TrainError> {
+    let scenario = Scenario::load("paper").map_err(ConfigError::from)?;
+    let episode = scenario.episode(config.seed, 0);
+    let mut recording = Recording::default();
+    run_episode(&Controller::Constants(*set), &config.robot, &episode, Some(&mut recording))?;
+    let push = episode.pushes.first();
+    let from_s = push.map_or(0.0, |push| push.at_s - 0.05);
+    let after: Vec<_> = recording.poses.iter().filter(|pose| (from_s..from_s + 2.0).contains(&pose.t_s)).collect();
+    let step = (after.len() / POSES).max(1);
+    Ok(ShownEpisode {
+        trace: recording.trace,
+        push: push.map(|push| Push {
+            at_s: push.at_s,
+            direction_deg: push.direction_deg,
+            impulse_n_s: push.impulse_n_s,
+        }),
+        poses: after.into_iter().step_by(step).take(POSES).copied().collect(),
+    })
+}
+
+fn json<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, TrainError> {
+    serde_json::to_vec_pretty(value).map_err(|error| TrainError::Figure(error.to_string()))
+}
+
+fn decode<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, TrainError> {
+    serde_json::from_str(text)
+        .map_err(|error| TrainError::Stored { path: path.to_path_buf(), why: error.to_string() })
+}
