@@ -111,8 +111,13 @@ pub struct Bench {
 impl Bench {
     /// Powered up with the default set everywhere, and a host on the line.
     pub fn new(config: &SilConfig, episode: &Episode) -> Bench {
+        Bench::with_set(config, default_params(), episode)
+    }
+
+    /// Powered up with `set` built in and stored.
+    pub fn with_set(config: &SilConfig, set: ParamSet, episode: &Episode) -> Bench {
         Bench {
-            sil: Sil::new(config, default_params(), default_params(), episode).expect("a valid configuration"),
+            sil: Sil::new(config, set, set, episode).expect("a valid configuration"),
             session: HostSession::new(7),
             news: vec![],
             plugged: true,

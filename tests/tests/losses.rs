@@ -4,6 +4,7 @@ use sarah_firmware::default_params;
 use sarah_firmware::lpg::Drive;
 use sarah_firmware::lpg::knee::Phase;
 use sarah_protocol::bus::{HaltReason, Mode, NodeId};
+use sarah_protocol::params::{Lpg, ParamSet};
 use sarah_protocol::telemetry::{Event, faults};
 use sarah_sim::bus::Station;
 use sarah_sim::robot::{Health, Joint};
@@ -107,6 +108,22 @@ fn without_its_coordinator_the_knee_finishes_its_cycle_to_rest_and_everything_br
     assert!(rest_m.abs() < 0.03, "{rest_m} m from rest");
     stays_braked(&mut bench, 3000);
     assert_eq!((bench.knee().lpg().cycle(), bench.health), (cycle, Health::Upright));
+}
+
+#[test]
+fn without_its_coordinator_a_swing_leg_brakes_where_it_is_while_the_knee_still_moves() {
+    // A hip so slow that it is under way for the whole cycle.
+    let mut values = *default_params().values();
+    values[Lpg::Hip.range().end - 1] = 0.5;
+    let set = ParamSet::new(values).expect("in range");
+    let mut bench = Bench::with_set(&unattended(), set, &episode(5, &[push(1.5, 15.0, 0.0)]));
+    let moving = |bench: &Bench, id| joints_of(id).iter().any(|j| bench.sil.commands()[*j as usize] != Drive::Brake);
+    bench.wait(3000, |bench| moving(bench, NodeId::Hip)).expect("the push makes it step");
+    bench.sil.unplug(Station::Coordinator, true);
+    bench.run_ms(40);
+    assert!(moving(&bench, NodeId::Hip), "still on its last motion message");
+    bench.run_ms(50 - 40 + 2 * TICK_MS);
+    assert!(!moving(&bench, NodeId::Hip) && moving(&bench, NodeId::Knee));
 }
 
 #[test]

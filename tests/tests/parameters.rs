@@ -140,7 +140,7 @@ fn a_node_that_misses_the_activation_stops_the_robot_and_no_mixture_walks() {
 fn over_a_noisy_line_every_applied_set_is_one_that_was_sent_whole_and_the_session_recovers() {
     for seed in 0..4 {
         let mut bench =
-            Bench::armed(&SilConfig::default(), &episode(seed, &[push(2.0, 12.0, 0.0), push(9.0, 12.0, 90.0)]));
+            Bench::armed(&SilConfig::default(), &episode(seed, &[push(2.0, 10.0, 0.0), push(8.0, 10.0, 0.0)]));
         let mut sent = Sent::new();
         let mut applied = HashSet::new();
         let mut dice = Dice(seed);
