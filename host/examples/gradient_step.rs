@@ -18,7 +18,7 @@ fn main() -> Result<(), EnafError> {
         let config = EnafConfig {
             hidden: 64,
             batch_episodes: 16,
-            recurrent: Some(true),
+            recurrent: true,
             previous_action: Some(false),
             ..EnafConfig::for_form(form)
         };

@@ -107,7 +107,7 @@ struct EvaluateArgs {
     #[arg(long)]
     repeats: Option<u32>,
     /// Episodes of a scenario that is not a grid.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     episodes: u64,
     /// Seed of pushes and sensor noise.
     #[arg(long, default_value_t = 7)]
@@ -154,10 +154,13 @@ pub fn main() -> Result<(), CliError> {
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;
+            if !layout.evaluation().exists() {
+                return Err(RunError::Unfinished(layout.root().to_path_buf()).into());
+            }
             let report = train::outcome::read_report(&layout)?;
             train::outcome::write_report(&layout, &report)?;
             for evaluation in &report.evaluations {
-                println!("{}\n{}", evaluation.title, headline(evaluation));
+                println!("{}", headline(evaluation));
             }
             println!("report: {}", layout.report().display());
             Ok(())
@@ -215,7 +218,7 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     let mut report = ControllerReport::new(&name, &args.scenario, &results);
     report.summary = summary;
     let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
-    println!("{title}\n{}", headline(&Evaluation { title: title.clone(), controllers: vec![report] }));
+    println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
     Ok(())
 }
 

@@ -45,10 +45,9 @@ impl Default for NoiseConfig {
 pub struct EnafConfig {
     /// How μ is made.
     pub form: Form,
-    /// A GRU encoder (true) or one feed-forward tanh layer (false). Absent: GRU wherever the action may depend on the
-    /// state. A constant action has no use for memory, and V with a memory learns the stored episodes by heart instead
-    /// of leaving their differences to the constants.
-    pub recurrent: Option<bool>,
+    /// A GRU encoder (true) or one feed-forward tanh layer (false). With learned constants memory serves only V; where
+    /// observations say nothing, V with a memory learns stored episodes by heart and the search is slower.
+    pub recurrent: bool,
     /// Show the network the previous action. Absent: the form's own (paper yes, else no).
     ///
     /// A constant search must not: an episode's offset shows in every previous action, V would learn to predict what
@@ -99,14 +98,14 @@ impl Default for EnafConfig {
     fn default() -> Self {
         Self {
             form: Form::ConstantsFirst,
-            recurrent: None,
+            recurrent: true,
             previous_action: None,
             layer_norm: true,
             hidden: 32,
             horizon: 30,
             unroll: 30,
             batch_episodes: 8,
-            depth: 2,
+            depth: 6,
             warm_up_episodes: None,
             replay_episodes: 2000,
             gamma: 0.9,
@@ -118,7 +117,7 @@ impl Default for EnafConfig {
             twin: false,
             residual_after: None,
             residual_bound: 0.3,
-            average_episodes: 10,
+            average_episodes: 6,
             noise: NoiseConfig::default(),
         }
     }
@@ -129,12 +128,6 @@ impl EnafConfig {
     #[must_use]
     pub fn for_form(form: Form) -> Self {
         Self { form, ..Self::default() }
-    }
-
-    /// Whether the encoder is a GRU.
-    #[must_use]
-    pub fn recurrent(&self) -> bool {
-        self.recurrent.unwrap_or(self.form == Form::Paper || self.residual_after.is_some())
     }
 
     /// Whether the network sees the previous action.
@@ -183,7 +176,6 @@ impl EnafConfig {
     #[must_use]
     pub fn resolved(&self) -> Self {
         let mut resolved = self.clone();
-        resolved.recurrent = Some(self.recurrent());
         resolved.previous_action = Some(self.previous_action());
         resolved.lambda = Some(self.lambda());
         resolved.learning_rate = Some(self.learning_rate());

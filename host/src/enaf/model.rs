@@ -79,7 +79,7 @@ impl Shape {
             observation,
             action,
             hidden: config.hidden,
-            recurrent: config.recurrent(),
+            recurrent: config.recurrent,
             previous_action: config.previous_action(),
             layer_norm: config.layer_norm,
             form: config.form,

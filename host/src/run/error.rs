@@ -12,6 +12,9 @@ pub enum RunError {
     /// The folder to resume or report on is no run.
     #[error("{} holds no run (run.json is missing): start one with `sarah train --out {}`", .0.display(), .0.display())]
     NoRun(PathBuf),
+    /// The run to report on has no results yet.
+    #[error("{} is not finished (evaluation.json is missing): finish it by `sarah train --resume {}`", .0.display(), .0.display())]
+    Unfinished(PathBuf),
     /// Another process writes this run.
     #[error("{} is in use by another process: wait for it, or choose another folder with --out", .0.display())]
     Locked(PathBuf),
@@ -70,6 +73,7 @@ fn hint(error: &io::Error) -> &'static str {
     use io::ErrorKind as K;
     match error.kind() {
         K::StorageFull | K::QuotaExceeded => "free some space there, or choose another folder with --out",
+        K::FileTooLarge => "raise the limit on the size of files (ulimit -f), or choose another folder with --out",
         K::PermissionDenied | K::ReadOnlyFilesystem => "choose a folder you may write with --out",
         K::NotFound => "check the path",
         K::NotADirectory | K::AlreadyExists => "something that is no folder is in the way: choose another path",

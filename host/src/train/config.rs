@@ -79,7 +79,7 @@ impl Default for TrainConfig {
         TrainConfig {
             seed: 1,
             seeds: 5,
-            episodes: 60,
+            episodes: 80,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             scenario: "train".into(),
             reward: RewardForm::Gated,

@@ -14,12 +14,14 @@ pub mod outcome;
 pub mod session;
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use sarah_protocol::params::{Lpg, ParamSet};
 use thiserror::Error;
 
 use crate::enaf::EnafError;
 use crate::evaluate::{EvaluateError, parallel};
+use crate::link::sim::SimRobot;
 use crate::progress::Progress;
 use crate::run::{RunError, RunFolder, RunInfo, event_file, read_metrics};
 
@@ -51,6 +53,14 @@ pub enum TrainError {
         /// The format read here.
         expected: u32,
     },
+    /// A checkpoint whose learner does not load.
+    #[error("{path} cannot be resumed ({why}): resume with the version and configuration that wrote it, or start a new run")]
+    Learner {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
     /// A file that is there but cannot be read.
     #[error("cannot read {path}: {source}; check its permissions")]
     Read {
@@ -70,6 +80,9 @@ pub enum TrainError {
     /// A figure.
     #[error("{0}")]
     Figure(String),
+    /// Another part of the run failed; its error is the one to tell.
+    #[error("stopped because another part of the run failed")]
+    Stopped,
 }
 
 /// One method with one seed through all three sessions.
@@ -96,6 +109,9 @@ impl Chain {
 /// A new run.
 pub fn train(config: &TrainConfig, out: &Path) -> Result<PathBuf, TrainError> {
     config.validate()?;
+    // A robot that cannot be built is refused before anything is written.
+    let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
+    SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
     let seeds = (config.seed..config.seed + config.seeds).collect();
     let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
     let folder = RunFolder::create(out, &config.to_toml()?, &info)?;
@@ -129,20 +145,37 @@ fn run_with(
     let jobs: Vec<(Method, u64)> = (config.seed..config.seed + config.seeds)
         .flat_map(|seed| config.methods.iter().map(move |method| (*method, seed)))
         .collect();
-    let chains: Result<Vec<Chain>, TrainError> =
-        parallel(jobs.len(), |job| chain(config, folder, jobs[job].0, jobs[job].1, progress)).into_iter().collect();
-    let chains = chains?;
+    let failed = AtomicBool::new(false);
+    let results = parallel(jobs.len(), |job| {
+        let (method, seed) = jobs[job];
+        chain(config, folder, method, seed, progress, &failed).inspect_err(|_| failed.store(true, Ordering::Relaxed))
+    });
+    let chains = all_or_cause(results)?;
     let report = outcome::judge(config, folder, info, &chains, progress)?;
     progress.phase("writing the report");
     outcome::write_report(folder.layout(), &report)?;
     let root = folder.layout().root().to_path_buf();
     progress.finish();
     for evaluation in &report.evaluations {
-        println!("\n{}\n{}", evaluation.title, crate::report::headline(evaluation));
+        println!("\n{}", crate::report::headline(evaluation));
     }
     println!("report: {}", folder.layout().report().display());
     println!("parameters: {}", folder.layout().params().display());
     Ok(root)
+}
+
+/// All chains, or the error that stopped the run rather than those of the chains that it stopped.
+fn all_or_cause(results: Vec<Result<Chain, TrainError>>) -> Result<Vec<Chain>, TrainError> {
+    let mut chains = vec![];
+    let mut stopped = None;
+    for result in results {
+        match result {
+            Ok(chain) => chains.push(chain),
+            Err(TrainError::Stopped) => stopped = Some(TrainError::Stopped),
+            Err(cause) => return Err(cause),
+        }
+    }
+    stopped.map_or(Ok(chains), Err)
 }
 
 fn chain(
@@ -151,6 +184,7 @@ fn chain(
     method: Method,
     seed: u64,
     progress: &Progress,
+    failed: &AtomicBool,
 ) -> Result<Chain, TrainError> {
     let mut chain = Chain { method, seed, sessions: vec![] };
     for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
@@ -160,6 +194,9 @@ fn chain(
         progress.skip(session.episodes().min(config.episodes).into());
         let mut recent = vec![];
         while session.episodes() < config.episodes {
+            if failed.load(Ordering::Relaxed) {
+                return Err(TrainError::Stopped);
+            }
             recent.push(session.episode()?);
             let tail = &recent[recent.len().saturating_sub(10)..];
             let mean = tail.iter().sum::<f32>() / tail.len() as f32;

@@ -17,7 +17,7 @@ use crate::report::{
     markdown, session_curves,
 };
 use crate::run::{
-    Layout, MetricsTable, Origin, RunFolder, RunInfo, param_set_text, param_specs, read_metrics, read_text,
+    Layout, MetricsTable, Origin, RunError, RunFolder, RunInfo, param_set_text, param_specs, read_metrics, read_text,
     write_atomic,
 };
 use crate::task::reward::RewardForm;
@@ -112,8 +112,7 @@ pub fn write_report(layout: &Layout, report: &RunReport) -> Result<(), TrainErro
         curves.push(session_curves(index as u8 + 1, &specs[lpg.range()], &agents));
     }
     let figures = draw_figures(report, &curves);
-    std::fs::create_dir_all(layout.figures())
-        .map_err(|source| TrainError::Read { path: layout.figures(), source })?;
+    std::fs::create_dir_all(layout.figures()).map_err(RunError::io("create", &layout.figures()))?;
     for figure in &figures {
         let saved = figure.figure.save(&layout.figures(), &figure.name);
         saved.map_err(|error| TrainError::Figure(error.to_string()))?;

@@ -84,13 +84,15 @@ impl Session {
             Method::Enaf | Method::EnafPaper => {
                 let enaf = crate::enaf::EnafConfig { horizon: env.horizon(), ..config.enaf_for(method) };
                 Learner::Enaf(Box::new(match &saved {
-                    Some(saved) => Trainer::load(&enaf, &saved.learner)?,
+                    Some(saved) => Trainer::load(&enaf, &saved.learner).map_err(|error| unusable(&checkpoint, error))?,
                     None => Trainer::new(&enaf, observation::LEN, &start, seed)?,
                 }))
             }
             Method::CmaEs | Method::Random => {
                 let journal: Vec<f32> = match &saved {
-                    Some(saved) => postcard::from_bytes(&saved.learner).map_err(EnafError::from)?,
+                    Some(saved) => {
+                        postcard::from_bytes(&saved.learner).map_err(|error| unusable(&checkpoint, error))?
+                    }
                     None => vec![],
                 };
                 let search: Box<dyn Search + Send> = match method {
@@ -264,6 +266,10 @@ fn columns_of(lpg: Lpg) -> Vec<String> {
         "sigma",
     ];
     fixed.iter().copied().chain(SPECS[lpg.range()].iter().map(|spec| spec.symbol)).map(String::from).collect()
+}
+
+fn unusable(path: &std::path::Path, why: impl ToString) -> TrainError {
+    TrainError::Learner { path: path.to_path_buf(), why: why.to_string() }
 }
 
 fn decode(path: &std::path::Path, bytes: &[u8]) -> Result<Checkpoint, TrainError> {

@@ -11,7 +11,7 @@ use crate::enaf::replay::{Batch, Episode};
 use crate::enaf::{EnafConfig, Form};
 
 fn shape(form: Form, recurrent: bool) -> Shape {
-    let config = EnafConfig { hidden: 6, recurrent: Some(recurrent), ..EnafConfig::for_form(form) };
+    let config = EnafConfig { hidden: 6, recurrent, ..EnafConfig::for_form(form) };
     Shape::new(&config, 3, 2)
 }
 

@@ -6,9 +6,11 @@ use crate::enaf::{EnafConfig, Environment, Form, Trainer};
 #[test]
 fn constants_are_found_behind_noise_in_sixty_episodes() {
     let best = [0.5, -0.4, 0.1];
+    // The bandit's observations are pure noise, so memory and depth could only learn stored episodes by heart.
+    let config = EnafConfig { recurrent: false, depth: 2, ..EnafConfig::default() };
     for seed in 1..=3 {
         let mut world = Bandit::new(&best, 0.3, 30);
-        let mut trainer = Trainer::new(&EnafConfig::default(), 2, &[0.0; 3], seed).unwrap();
+        let mut trainer = Trainer::new(&config, 2, &[0.0; 3], seed).unwrap();
         for _ in 0..60 {
             trainer.episode(&mut world).unwrap();
         }
@@ -22,7 +24,7 @@ fn constants_are_found_behind_noise_in_sixty_episodes() {
 /// Mean reward of the trained policy over both cues.
 fn after_training_on_the_cue(recurrent: bool) -> f32 {
     let config = EnafConfig {
-        recurrent: Some(recurrent),
+        recurrent,
         hidden: 16,
         horizon: 5,
         depth: 4,
