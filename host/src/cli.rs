@@ -30,7 +30,7 @@ enum Verb {
     #[command(after_help = "Examples:\n  sarah train                     everything, into runs/train-1\n  \
         sarah train --quick             the same path with small numbers, about two minutes\n  \
         sarah train --seed 7 --out runs/seven\n  \
-        sarah train --resume runs/seven after it was cut off; ends bit-identical\n  \
+        sarah train --resume runs/seven  after it was cut off; ends bit-identical\n  \
         sarah train --print-config > my.toml && sarah train --config my.toml")]
     Train(TrainArgs),
     /// Run a controller through a scenario and sum it up.
@@ -198,8 +198,7 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
         (None, ControllerName::Default) => ("default".into(), Controller::Constants(default_params())),
         (None, ControllerName::Braked) => ("braked".into(), Controller::Braked),
     };
-    let overrides =
-        Overrides { impulse_n_s: args.impulse, directions: args.directions, repeats: args.repeats };
+    let overrides = Overrides { impulse_n_s: args.impulse, directions: args.directions, repeats: args.repeats };
     let scenario = Scenario::load(&args.scenario)?.with(&overrides)?;
     let sensors = if args.perfect_sensors { SensorConfig::perfect() } else { SensorConfig::default() };
     let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, ..SilConfig::default() };
@@ -227,4 +226,32 @@ fn method(text: &str) -> Result<Method, String> {
     all.into_iter()
         .find(|method| method.folder() == text)
         .ok_or_else(|| "give enaf, enaf-paper, cma-es or random".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    /// Words up to an explanation (set off by spaces) or a redirection.
+    fn words(example: &str) -> impl Iterator<Item = &str> {
+        let end = example.find("  ").into_iter().chain(example.find('>')).min().unwrap_or(example.len());
+        example[..end].split_whitespace()
+    }
+
+    #[test]
+    fn every_verb_has_examples_and_every_example_parses() {
+        for verb in Cli::command().get_subcommands() {
+            let help = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.starts_with("Example"), "{} has no examples", verb.get_name());
+            let examples: Vec<&str> = help.lines().skip(1).flat_map(|line| line.split(" && ")).collect();
+            assert!(!examples.is_empty());
+            for example in examples.iter().map(|example| example.trim()) {
+                let parsed = Cli::try_parse_from(words(example));
+                assert!(parsed.is_ok(), "{example}: {}", parsed.expect_err("refused"));
+                assert!(example.starts_with(&format!("sarah {}", verb.get_name())), "{example}");
+            }
+        }
+    }
 }

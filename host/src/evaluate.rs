@@ -16,11 +16,11 @@ use crate::enaf::{EnafError, Policy};
 use crate::figures::Pose as DrawnPose;
 use crate::link::sim::{LinkError, SLICE_US, SimRobot, Slice};
 use crate::metrics::{Autonomy, EnergyJ, EpisodeResult, Outcome, Trace, TraceSample};
+use crate::task::action;
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
 use crate::task::observation::{acceleration_m_s2, loads_n, observe, rate_rad_s};
 use crate::task::reward::RewardForm;
-use crate::task::action;
 
 /// Who balances.
 #[derive(Clone, Debug)]

@@ -18,9 +18,8 @@ pub struct Progress {
 impl Progress {
     /// Nothing done of `total` episodes.
     pub fn new(total: u64) -> Progress {
-        let style = ProgressStyle::with_template(
-            "{bar:30.cyan/blue} {pos}/{len} episodes  {elapsed} gone, {eta} left  {msg}",
-        );
+        let style =
+            ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {elapsed} gone, {eta} left  {msg}");
         let bar = ProgressBar::new(total);
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(500));

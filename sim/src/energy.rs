@@ -38,6 +38,34 @@ impl Default for EnergyConfig {
     }
 }
 
+/// An electrical constant that makes no sense.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("energy.{field} = {value} is out of range; give a number from {min} to {max}")]
+pub struct EnergyError {
+    field: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+}
+
+impl EnergyConfig {
+    /// Checks every field.
+    pub fn validate(&self) -> Result<(), EnergyError> {
+        let ranges = [
+            ("efficiency", self.efficiency, 0.01, 1.0),
+            ("winding_w", self.winding_w, 0.0, 1000.0),
+            ("brake_coil_w", self.brake_coil_w, 0.0, 1000.0),
+            ("compute_w", self.compute_w, 0.01, 1000.0),
+            ("usable_charge", self.usable_charge, 0.0, 1.0),
+        ];
+        // `contains` is false for NaN.
+        match ranges.into_iter().find(|(_, value, min, max)| !(min..=max).contains(&value)) {
+            Some((field, value, min, max)) => Err(EnergyError { field, value, min, max }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Energy drawn, by consumer.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Energy {

@@ -181,12 +181,14 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// Not TOML, or not a scenario.
-    #[error("scenario \"{name}\" does not parse: {source}")]
+    #[error("{name}: line {line}: {message}; correct that line of the scenario")]
     Parse {
         /// Scenario or file name.
         name: String,
-        /// Where and why.
-        source: toml::de::Error,
+        /// Line, from 1.
+        line: usize,
+        /// Why, in one line.
+        message: String,
     },
     /// A value is not finite or out of range.
     #[error("scenario: {field} = {value} is out of range; give a finite number from {min} to {max}")]
@@ -229,8 +231,11 @@ impl Scenario {
 
     /// Reads and validates TOML; `name` is for messages.
     pub fn parse(name: &str, text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self =
-            toml::from_str(text).map_err(|source| ScenarioError::Parse { name: name.to_owned(), source })?;
+        let scenario: Self = toml::from_str(text).map_err(|error| ScenarioError::Parse {
+            name: name.to_owned(),
+            line: error.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count()),
+            message: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
+        })?;
         scenario.validate()?;
         Ok(scenario)
     }

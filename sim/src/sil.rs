@@ -25,7 +25,7 @@ use thiserror::Error;
 
 use crate::actuator::{ActuatorConfig, ActuatorError, Actuators};
 use crate::bus::{Bus, Station};
-use crate::energy::{EnergyConfig, EnergyMeter};
+use crate::energy::{EnergyConfig, EnergyError, EnergyMeter};
 use crate::robot::{Drive, Health, Joint, Robot, RobotConfig, RobotError};
 use crate::scenario::Episode;
 use crate::sensors::{SensorConfig, SensorError, Sensors};
@@ -82,6 +82,9 @@ pub enum SilError {
     /// The actuators.
     #[error(transparent)]
     Actuators(#[from] ActuatorError),
+    /// What they draw.
+    #[error(transparent)]
+    Energy(#[from] EnergyError),
 }
 
 /// The fastest the coordinator reads its IMU, samples per second.
@@ -124,6 +127,7 @@ impl Sil {
         if config.bus_latency_us > 100_000 {
             return Err(SilError::Latency(config.bus_latency_us));
         }
+        config.energy.validate()?;
         let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
         let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
         sensors.observe(&robot);

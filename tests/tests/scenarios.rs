@@ -30,3 +30,17 @@ fn a_scenario_that_does_not_exist_is_refused_in_one_line_that_lists_those_that_d
     assert_eq!(line.lines().count(), 1, "{line}");
     assert!(line.contains("push-grid"), "{line}");
 }
+
+#[test]
+fn an_unknown_key_is_refused_in_one_line_that_names_it() {
+    let line = complaint("durations = 3.0\n");
+    assert!(line.contains("mine.toml: line 4") && line.contains("durations"), "{line}");
+    let line = complaint("[pushes.grid]\nat_s = 1.0\nimpulse_n_s = 18.0\nforce_n = 180.0\ndirections = 24\n");
+    assert!(line.contains("mine.toml") && line.contains("force_n"), "{line}");
+}
+
+#[test]
+fn text_that_is_no_toml_is_refused_in_one_line_with_file_and_line_number() {
+    let line = complaint("pushes = [[");
+    assert!(line.contains("mine.toml") && line.contains("line 4"), "{line}");
+}

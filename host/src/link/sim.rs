@@ -117,11 +117,7 @@ impl SimRobot {
         let trunk = robot.trunk();
         let [x, y, _] = trunk.position_m;
         let spin = trunk.angular_velocity_rad_s.iter().map(|w| w * w).sum::<f32>().sqrt();
-        Pose {
-            position_m: [x, y, robot.height_m()],
-            rotation_rad_s: spin,
-            standing_m: robot.standing_height_m(),
-        }
+        Pose { position_m: [x, y, robot.height_m()], rotation_rad_s: spin, standing_m: robot.standing_height_m() }
     }
 
     /// Runs the world and the link for [`SLICE_US`].

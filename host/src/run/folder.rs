@@ -199,7 +199,7 @@ mod tests {
         let root = folder.path().join("a/b");
         let run = RunFolder::create(&root, "x = 1\n", &info()).unwrap();
         let session = run.session("enaf", 1, 2).unwrap();
-        assert!(session.ends_with("seeds/1/session-2"));
+        assert!(session.ends_with("enaf/seed-1/session-2"));
         fs::write(session.join(".sarah-abc.tmp"), "half").unwrap();
         drop(run);
         let (run, read) = RunFolder::resume(&root).unwrap();

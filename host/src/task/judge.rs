@@ -68,12 +68,7 @@ impl Judge {
     pub fn pushed(&mut self, now_s: f32) {
         let [x, y, _] = self.pose.position_m;
         self.quiet_since_s = None;
-        self.recoveries.push(Recovery {
-            pushed_at_s: now_s,
-            from_m: [x, y],
-            drift_3s_m: None,
-            settled_s: None,
-        });
+        self.recoveries.push(Recovery { pushed_at_s: now_s, from_m: [x, y], drift_3s_m: None, settled_s: None });
     }
 
     /// A slice of time has passed; `telemetry` is what arrived in it.

@@ -54,7 +54,9 @@ pub enum TrainError {
         expected: u32,
     },
     /// A checkpoint whose learner does not load.
-    #[error("{path} cannot be resumed ({why}): resume with the version and configuration that wrote it, or start a new run")]
+    #[error(
+        "{path} cannot be resumed ({why}): resume with the version and configuration that wrote it, or start a new run"
+    )]
     Learner {
         /// Which.
         path: PathBuf,
@@ -209,7 +211,15 @@ fn chain(
         let metrics = read_metrics(&folder.layout().metrics(method.folder(), seed, number))?;
         let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
         folder.write_tensorboard(method.folder(), seed, number, &events)?;
-        chain.sessions.push(session.trained());
+        let trained = session.trained();
+        if trained.broken > 0 {
+            progress.print(&format!(
+                "{} seed {seed} session {number}: the simulation failed in {} episodes; they were repeated in other worlds",
+                method.name(),
+                trained.broken
+            ));
+        }
+        chain.sessions.push(trained);
     }
     Ok(chain)
 }

@@ -170,10 +170,8 @@ impl Judge<'_> {
 
     fn grid(&self, impulse: f32, chosen: &[&Chain]) -> Result<Evaluation, TrainError> {
         let repeats = self.config.grid_repeats;
-        let overrides =
-            Overrides { impulse_n_s: Some(impulse), directions: Some(DIRECTIONS), repeats: Some(repeats) };
-        let scenario =
-            Scenario::load("push-grid").and_then(|grid| grid.with(&overrides)).map_err(ConfigError::from)?;
+        let overrides = Overrides { impulse_n_s: Some(impulse), directions: Some(DIRECTIONS), repeats: Some(repeats) };
+        let scenario = Scenario::load("push-grid").and_then(|grid| grid.with(&overrides)).map_err(ConfigError::from)?;
         let trained = chosen.iter().enumerate().map(|(rank, chain)| {
             let name = match (rank, chain.method) {
                 (0, method) => format!("trained ({})", method.name()),
@@ -194,8 +192,7 @@ impl Judge<'_> {
             controllers.push(report);
         }
         Ok(Evaluation {
-            title: format!("push-grid, {impulse} N·s, {DIRECTIONS} directions × {repeats}"),
-            controllers,
+            title: format!("push-grid, {impulse} N·s, {DIRECTIONS} directions × {repeats}"), controllers
         })
     }
 }
@@ -288,6 +285,5 @@ fn json<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, TrainError> {
 }
 
 fn decode<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, TrainError> {
-    serde_json::from_str(text)
-        .map_err(|error| TrainError::Stored { path: path.to_path_buf(), why: error.to_string() })
+    serde_json::from_str(text).map_err(|error| TrainError::Stored { path: path.to_path_buf(), why: error.to_string() })
 }

@@ -84,7 +84,9 @@ impl Session {
             Method::Enaf | Method::EnafPaper => {
                 let enaf = crate::enaf::EnafConfig { horizon: env.horizon(), ..config.enaf_for(method) };
                 Learner::Enaf(Box::new(match &saved {
-                    Some(saved) => Trainer::load(&enaf, &saved.learner).map_err(|error| unusable(&checkpoint, error))?,
+                    Some(saved) => {
+                        Trainer::load(&enaf, &saved.learner).map_err(|error| unusable(&checkpoint, error))?
+                    }
                     None => Trainer::new(&enaf, observation::LEN, &start, seed)?,
                 }))
             }
