@@ -52,6 +52,8 @@ pub struct Spec {
     pub paper_unit: f32,
     /// The final value of the paper's Table II, in the paper's own figures.
     pub table_ii: f32,
+    /// The spread printed with it.
+    pub table_ii_spread: f32,
 }
 
 const fn spec(
@@ -60,7 +62,7 @@ const fn spec(
     unit: &'static str,
     range: (f32, f32),
     paper_unit: f32,
-    table_ii: f32,
+    (table_ii, table_ii_spread): (f32, f32),
 ) -> Spec {
     Spec {
         symbol,
@@ -71,6 +73,7 @@ const fn spec(
         max_change: (range.1 - range.0) * 0.5,
         paper_unit,
         table_ii,
+        table_ii_spread,
     }
 }
 
@@ -81,19 +84,19 @@ const fn spec(
 /// pendulum's natural frequency (3.76 1/s), its third and fourth count 0.03 rad (hip) or 0.1 rad (abductor, whose foot is
 /// narrower than long and must travel farther per lean).
 pub static SPECS: [Spec; COUNT] = [
-    spec("P1", "kick: speed of the first extension", "m/s", (0.02, 0.9), 0.3, 1.81),
-    spec("P2", "lift: speed of the retraction", "m/s", (0.2, 0.9), 0.3, 1.45),
-    spec("P3", "rest: speed of the second extension", "m/s", (0.2, 0.9), 0.3, 2.09),
-    spec("H1", "hip dead band: below it the hip returns to rest", "rad/s", (0.0, 1.0), 1.0, 0.05),
-    spec("H2", "hip weight of lean against lean rate", "1/s", (0.0, 8.0), 3.76, 1.13),
-    spec("H3", "hip quadratic coefficient", "rad s²/rad²", (0.0, 0.4), 0.03, 2.31),
-    spec("H4", "hip linear coefficient", "s", (0.0, 0.6), 0.03, 1.72),
-    spec("H5", "hip speed", "rad/s", (0.5, 5.0), 1.8, 1.51),
-    spec("V1", "abductor dead band: below it the abductor returns to rest", "rad/s", (0.0, 1.0), 1.0, 0.07),
-    spec("V2", "abductor weight of lean against lean rate", "1/s", (0.0, 8.0), 3.76, 1.06),
-    spec("V3", "abductor quadratic coefficient", "rad s²/rad²", (0.0, 0.6), 0.1, 2.54),
-    spec("V4", "abductor linear coefficient", "s", (0.0, 0.9), 0.1, 1.85),
-    spec("V5", "abductor speed", "rad/s", (0.5, 5.0), 1.8, 2.77),
+    spec("P1", "kick: speed of the first extension", "m/s", (0.02, 0.9), 0.3, (1.81, 0.05)),
+    spec("P2", "lift: speed of the retraction", "m/s", (0.2, 0.9), 0.3, (1.45, 0.05)),
+    spec("P3", "rest: speed of the second extension", "m/s", (0.2, 0.9), 0.3, (2.09, 0.05)),
+    spec("H1", "hip dead band: below it the hip returns to rest", "rad/s", (0.0, 1.0), 1.0, (0.05, 0.01)),
+    spec("H2", "hip weight of lean against lean rate", "1/s", (0.0, 8.0), 3.76, (1.13, 0.03)),
+    spec("H3", "hip quadratic coefficient", "rad s²/rad²", (0.0, 0.4), 0.03, (2.31, 0.03)),
+    spec("H4", "hip linear coefficient", "s", (0.0, 0.6), 0.03, (1.72, 0.05)),
+    spec("H5", "hip speed", "rad/s", (0.5, 5.0), 1.8, (1.51, 0.05)),
+    spec("V1", "abductor dead band: below it the abductor returns to rest", "rad/s", (0.0, 1.0), 1.0, (0.07, 0.01)),
+    spec("V2", "abductor weight of lean against lean rate", "1/s", (0.0, 8.0), 3.76, (1.06, 0.03)),
+    spec("V3", "abductor quadratic coefficient", "rad s²/rad²", (0.0, 0.6), 0.1, (2.54, 0.03)),
+    spec("V4", "abductor linear coefficient", "s", (0.0, 0.9), 0.1, (1.85, 0.05)),
+    spec("V5", "abductor speed", "rad/s", (0.5, 5.0), 1.8, (2.77, 0.05)),
 ];
 
 /// Thirteen numbers nobody has checked yet: the wire form.

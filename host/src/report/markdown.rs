@@ -1,8 +1,10 @@
 //! `report.md`.
 
 use super::table::{Table, comparison, number};
-use super::{NamedFigure, RunReport, TABLE_II, Verdict};
+use super::{NamedFigure, RunReport, Verdict};
 use crate::stats::mean;
+use sarah_protocol::params::SPECS;
+use sarah_sim::energy::{PAPER_MIXED_H, PAPER_STANDBY_H};
 use std::fmt::Write;
 
 /// The report as Markdown. `config` is the text of `config.toml`; figures are embedded by relative path, so they
@@ -52,6 +54,9 @@ fn rewards(text: &mut String, evaluation: &super::Evaluation) {
             number(summary.autonomy.map(|autonomy| autonomy.standby_h), 1),
         ]);
     }
+    let paper = [PAPER_MIXED_H, PAPER_STANDBY_H].map(|hours| number(Some(hours), 1));
+    let [mixed, standby] = paper;
+    table.row(["paper (estimate)".into(), "–".into(), "–".into(), mixed, standby]);
     let _ = writeln!(text, "{}", table.markdown());
 }
 
@@ -124,7 +129,7 @@ fn parameters(text: &mut String, report: &RunReport) {
             let squares: f64 = row.trained.iter().map(|value| (value - average).powi(2)).sum();
             (row.trained.len() > 1).then(|| (squares / (row.trained.len() - 1) as f64).sqrt())
         });
-        let paper = TABLE_II.iter().find(|entry| entry.symbol == row.symbol);
+        let paper = SPECS.iter().find(|spec| spec.symbol == row.symbol);
         table.row([
             row.symbol.clone(),
             row.what.clone(),
@@ -132,7 +137,7 @@ fn parameters(text: &mut String, report: &RunReport) {
             number(Some(row.start), 4),
             format!("{} ± {}", number(average, 4), number(spread, 4)),
             number(Some(row.chosen), 4),
-            paper.map_or("–".into(), |entry| format!("{:.2} ± {:.2}", entry.value, entry.spread)),
+            paper.map_or("–".into(), |spec| format!("{:.2} ± {:.2}", spec.table_ii, spec.table_ii_spread)),
         ]);
     }
     let _ = writeln!(text, "## Parameters, beside Table II\n\n{}", table.markdown());

@@ -5,13 +5,11 @@
 
 mod figures;
 mod markdown;
-mod paper;
 mod sessions;
 mod table;
 
 pub use figures::{NamedFigure, SessionCurves, columns, draw_figures, session_curves};
 pub use markdown::markdown;
-pub use paper::{TABLE_II, TableIIEntry};
 pub use sessions::{LearnerReport, SessionReport, Verdict};
 pub use table::headline;
 
