@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use sarah_protocol::params::{Lpg, ParamSet};
 use sarah_protocol::telemetry::Telemetry;
 use sarah_sim::energy::{BATTERY_J, EnergyConfig};
-use sarah_sim::robot::Health;
+use sarah_sim::robot::{Health, Joint};
 use sarah_sim::scenario::{Episode, Scenario};
 use sarah_sim::sil::SilConfig;
 use thiserror::Error;
@@ -157,10 +157,12 @@ fn wait_until(robot: &mut SimRobot, at_s: f32) -> Result<Health, LinkError> {
 
 fn record(recording: &mut Recording, robot: &SimRobot, telemetry: &[Telemetry], origin: [f32; 3]) {
     let [x, y, z] = robot.pose().position_m;
-    let trunk = robot.sil().robot().trunk();
+    let body = robot.sil().robot();
+    let trunk = body.trunk();
+    let truth = Joint::ALL.map(|joint| body.joint(joint).position);
+    // Figures list left and right of each kind.
+    let by_kind = |[abd_l, hip_l, knee_l, abd_r, hip_r, knee_r]: [f32; 6]| [abd_l, abd_r, hip_l, hip_r, knee_l, knee_r];
     for frame in telemetry {
-        let [abd_l, hip_l, knee_l, abd_r, hip_r, knee_r] = frame.joints.map(|q| q.to_f32());
-        let joints = [abd_l, abd_r, hip_l, hip_r, knee_l, knee_r];
         recording.trace.samples.push(TraceSample {
             t_s: robot.now_s(),
             trunk_m: [x - origin[0], y - origin[1], z],
@@ -169,14 +171,15 @@ fn record(recording: &mut Recording, robot: &SimRobot, telemetry: &[Telemetry], 
             factor: frame.factor.to_f32(),
             phase: frame.phases[0],
             pads_n: loads_n(frame),
-            joints,
+            joints: by_kind(frame.joints.map(|q| q.to_f32())),
         });
+        // A picture shows one instant: what sensors say of it comes later.
         recording.poses.push(DrawnPose {
             t_s: robot.now_s(),
             trunk_m: trunk.position_m,
             trunk_quat: trunk.rotation_xyzw,
-            joints,
-            pads_n: loads_n(frame),
+            joints: by_kind(truth),
+            pads_n: body.pad_loads_n(),
         });
     }
 }
@@ -236,4 +239,55 @@ pub fn autonomy(config: &EnergyConfig, results: &[EpisodeResult]) -> Option<Auto
     let standby_h = battery_j / config.compute_w / 3600.0;
     (seconds > 0.0)
         .then(|| Autonomy { mixed_h: (3.0 * battery_j / moving_w.max(1e-9) / 3600.0).min(standby_h), standby_h })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU32;
+
+    use sarah_firmware::default_params;
+
+    use super::*;
+    use crate::enaf::{EnafConfig, Trainer};
+    use crate::task::observation;
+
+    #[test]
+    fn parallel_does_everything_once_and_keeps_the_order() {
+        for count in [0, 1, 2, 7, 100] {
+            let runs = AtomicU32::new(0);
+            let results = parallel(count, |index| {
+                // Early ones take longest, so that late ones overtake them.
+                std::thread::sleep(std::time::Duration::from_micros(200 * (count - index) as u64 % 1000));
+                runs.fetch_add(1, Ordering::Relaxed);
+                index * 3
+            });
+            assert_eq!(results, (0..count).map(|index| index * 3).collect::<Vec<_>>());
+            assert_eq!(runs.into_inner() as usize, count);
+        }
+    }
+
+    #[test]
+    fn many_episodes_are_those_run_one_by_one() {
+        let scenario = Scenario::load("push-grid").unwrap();
+        let (controller, config) = (Controller::Braked, SilConfig::default());
+        let done = AtomicU32::new(0);
+        let many = run_many(&controller, &config, &scenario, 5, 3, &|| {
+            done.fetch_add(1, Ordering::Relaxed);
+        });
+        let one_by_one = (0..3).map(|index| run_episode(&controller, &config, &scenario.episode(5, index), None));
+        assert_eq!(many.unwrap(), one_by_one.collect::<Result<Vec<_>, _>>().unwrap());
+        assert_eq!(done.into_inner(), 3);
+    }
+
+    #[test]
+    fn a_policy_that_always_says_the_same_is_a_constant_set() {
+        // An agent whose state-dependent part is shut acts by its constants alone.
+        let start = action::encode(&default_params(), Lpg::Knee);
+        let trainer = Trainer::new(&EnafConfig::default(), observation::LEN, &start, 1).unwrap();
+        let constant = action::decode(&default_params(), Lpg::Knee, &trainer.mean_action());
+        let policy = Controller::Policy { policy: Box::new(trainer.policy()), base: constant, lpg: Lpg::Knee };
+        let episode = Scenario::load("push-grid").unwrap().episode(7, 5);
+        let run = |controller: &Controller| run_episode(controller, &SilConfig::default(), &episode, None).unwrap();
+        assert_eq!(run(&policy), run(&Controller::Constants(constant)));
+    }
 }

@@ -37,7 +37,7 @@ impl Panel {
     pub(super) fn frame(&self, sheet: &mut Sheet, title: &str, x_title: Option<&str>, y_title: &str) {
         let rows = (self.size[1] / 34.0).clamp(2.0, 8.0);
         let columns = (self.size[0] / 80.0).clamp(2.0, 10.0);
-        let y_ticks = ticks(self.y, rows);
+        let y_ticks = at_least_three(self.y, rows);
         for &y in &y_ticks {
             let at = self.py(y);
             sheet.line([self.origin[0], at], [self.right(), at], Stroke::new(GRID, 1.0));
@@ -101,10 +101,17 @@ pub(super) fn ticks([low, high]: [f64; 2], wanted: f64) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
+/// As [`ticks`], but with at least three: two or one do not tell a scale.
+pub(super) fn at_least_three(range: [f64; 2], wanted: f64) -> Vec<f64> {
+    // Up to a factor of ten finer than asked for, steps reach three in any range.
+    let finer = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0].map(|factor| ticks(range, wanted * factor));
+    finer.into_iter().find(|ticks| ticks.len() >= 3).unwrap_or_default()
+}
+
 /// A tick's label, with as many decimals as the distance between ticks asks for.
 fn tick_label(value: f64, ticks: &[f64]) -> String {
     let step = ticks.windows(2).map(|pair| pair[1] - pair[0]).next().unwrap_or(1.0);
-    let decimals = (-(step.log10() - 1e-9).floor()).clamp(0.0, 6.0) as usize;
+    let decimals = (-(step.log10() + 1e-9).floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");
     let zero = text.trim_start_matches('-').chars().all(|letter| letter == '0' || letter == '.');
     // A real minus sign, as wide as a digit.
@@ -127,6 +134,17 @@ mod tests {
         let ticks = ticks([-0.1, 0.1], 4.0);
         let labels: Vec<_> = ticks.iter().map(|&tick| tick_label(tick, &ticks)).collect();
         assert_eq!(labels, ["−0.10", "−0.05", "0.00", "0.05", "0.10"]);
+        let labels: Vec<_> = [83.0, 84.0].iter().map(|&tick| tick_label(tick, &[83.0, 84.0])).collect();
+        assert_eq!(labels, ["83", "84"]);
+        assert_eq!(tick_label(0.1, &super::ticks([0.0, 0.5], 5.0)), "0.1");
+    }
+
+    #[test]
+    fn every_range_has_three_ticks() {
+        for range in [[-12.6, 8.1], [82.5, 87.6], [1.04, 2.86], [-0.3, 0.2], [0.0, 1e-9], [-7.0, 1e6]] {
+            assert!(at_least_three(range, 3.1).len() >= 3, "{range:?}");
+        }
+        assert!(at_least_three([0.0, 0.0], 3.0).is_empty());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Controllers beside each other: survival by direction, survival with intervals.
 
 use super::Figure;
-use super::svg::{Anchor, Sheet, Stroke, Text};
+use super::svg::{Anchor, BOLD, Sheet, Stroke, Text, width_of};
 use super::theme::{self, AXIS, GRID, INK, LARGE, MUTED, NORMAL, SMALL};
 use crate::stats::{Proportion, wilson};
 use serde::{Deserialize, Serialize};
@@ -93,7 +93,8 @@ pub struct BarRow {
 /// Survival with 95 % Wilson intervals, one bar per controller.
 pub fn survival_bars(title: &str, rows: &[BarRow]) -> Figure {
     let row_height = 46.0;
-    let (left, right, top) = (140.0, 600.0, 58.0);
+    let widest = rows.iter().map(|row| width_of(&row.label, NORMAL) * BOLD).fold(0.0, f64::max);
+    let (left, right, top) = ((widest + 28.0).clamp(140.0, 320.0), 600.0, 58.0);
     let bottom = top + rows.len() as f64 * row_height;
     let mut sheet = Sheet::new(760.0, bottom + 58.0);
     sheet.text([20.0, 30.0], title, Text::new(LARGE + 2.0).bold());

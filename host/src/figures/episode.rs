@@ -2,7 +2,7 @@
 
 use super::Figure;
 use super::axes::{Panel, range};
-use super::svg::{Anchor, Sheet, Stroke, Text};
+use super::svg::{Anchor, Sheet, Stroke, Text, width_of};
 use super::theme::{self, LARGE, MUTED, PUSH, SMALL, SPAN};
 use crate::metrics::Trace;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ pub fn trunk(title: &str, trace: &Trace, push: Option<Push>) -> Figure {
         let values: Vec<f64> = trace.samples.iter().map(|sample| f64::from(sample.trunk_m[axis]) * 100.0).collect();
         sheet.polyline(&panel.points(&time, &values), Stroke::new(theme::series(axis), 2.0));
     }
-    mark_push(&mut sheet, &panels, push);
+    mark_push(&mut sheet, &panels, names[0].0, push);
     // Which foot carries, as in gait diagrams: a bar while it does.
     let feet = Panel { origin: [LEFT, feet_top], size: [WIDTH, 34.0], x: x_range, y: [0.0, 2.0] };
     for (row, name) in [(0, "left foot"), (1, "right foot")] {
@@ -105,7 +105,7 @@ pub fn imu(title: &str, trace: &Trace, push: Option<Push>) -> Figure {
         panels.push(panel);
     }
     sheet.legend([480.0, 30.0], legend);
-    mark_push(&mut sheet, &panels, push);
+    mark_push(&mut sheet, &panels, "Accelerometer", push);
     time_axis(&mut sheet, &panels[1]);
     sheet.finish()
 }
@@ -145,15 +145,19 @@ fn air_spans(trace: &Trace) -> Vec<(usize, f64, f64)> {
     spans
 }
 
-fn mark_push(sheet: &mut Sheet, panels: &[Panel], push: Option<Push>) {
+fn mark_push(sheet: &mut Sheet, panels: &[Panel], title: &str, push: Option<Push>) {
     let (Some(push), Some(first)) = (push, panels.first()) else { return };
     for panel in panels {
         let x = panel.px(push.at_s.into());
         sheet.line([x, panel.origin[1]], [x, panel.bottom()], Stroke::new(PUSH, 1.4).dash("4 3"));
     }
-    let x = first.px(push.at_s.into());
     let label = format!("push {:.0} N·s, {:.0}°", push.impulse_n_s, push.direction_deg);
-    sheet.text([x, first.origin[1] - 7.0], &label, Text::new(SMALL).color(PUSH).bold().anchor(Anchor::Middle));
+    let style = Text::new(SMALL).color(PUSH).bold();
+    // On its line, unless it would run into the panel's title there or out of the panel.
+    let half = width_of(&label, SMALL) / 2.0 + 4.0;
+    let least = first.origin[0] + width_of(title, SMALL + 1.0) + 16.0 + half;
+    let x = first.px(push.at_s.into()).max(least).min(first.right() - half);
+    sheet.text([x, first.origin[1] - 7.0], &label, style.anchor(Anchor::Middle));
 }
 
 /// Tick labels and title of the shared time axis, below the lowest panel.

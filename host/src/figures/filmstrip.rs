@@ -11,8 +11,8 @@ const FRAME_WIDTH: f64 = 168.0;
 /// Where the ground is, px from the top.
 const GROUND: f64 = 272.0;
 
-/// A row of pictures, left to right in time, seen from the front left and a little above. The push, if given, is an
-/// arrow at the first frame at or after it. Feet that carry are dark.
+/// A row of pictures, left to right in time, seen from the right and a little above. The push, if given, is an arrow in
+/// the frame nearest to it. Feet that carry, by heel or toe, are dark.
 pub fn filmstrip(title: &str, frames: &[Pose], push: Option<Push>) -> Figure {
     let width = 40.0 + FRAME_WIDTH * frames.len().max(1) as f64;
     let mut sheet = Sheet::new(width, 330.0);
@@ -21,19 +21,22 @@ pub fn filmstrip(title: &str, frames: &[Pose], push: Option<Push>) -> Figure {
     if !title.is_empty() {
         sheet.text([20.0, 30.0], title, Text::new(LARGE + 2.0).bold());
     }
-    let pushed = push.and_then(|push| frames.iter().position(|frame| frame.t_s >= push.at_s));
+    let pushed = push.and_then(|push| {
+        let away = |index: &usize| (frames[*index].t_s - push.at_s).abs();
+        (0..frames.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
+    });
     for (index, frame) in frames.iter().enumerate() {
         let middle = 20.0 + FRAME_WIDTH * (index as f64 + 0.5);
-        let camera = Camera { middle };
+        let camera = Camera::following(middle, frame);
         draw(&mut sheet, &camera, frame);
         if let Some(push) = push.filter(|_| pushed == Some(index)) {
             draw_push(&mut sheet, &camera, frame, push);
         }
         let text = match push {
+            Some(_) if pushed == Some(index) => "push".into(),
             Some(push) => format!("{:+.1} s", frame.t_s - push.at_s).replace('-', "\u{2212}"),
             None => format!("{:.1} s", frame.t_s),
         };
-        let text = if text.ends_with("0.0 s") { "push".into() } else { text };
         sheet.text([middle, 320.0], &text, Text::new(NORMAL).color(MUTED).anchor(Anchor::Middle));
     }
     sheet.finish()
@@ -47,6 +50,15 @@ struct Camera {
 impl Camera {
     const AZIMUTH: f64 = 0.62;
     const ELEVATION: f64 = 0.20;
+    /// How far a robot may move from the middle of its frame before the camera goes with it, m.
+    const LEASH: f64 = 0.10;
+
+    /// A camera for one frame: a robot that has wandered off does not walk into its neighbour.
+    fn following(middle: f64, pose: &Pose) -> Self {
+        let (at, _) = Camera { middle: 0.0 }.project(pose.trunk_m.map(f64::from));
+        let leash = SCALE * Self::LEASH;
+        Camera { middle: middle - (at[0] - at[0].clamp(-leash, leash)) }
+    }
 
     /// Pixels, and the distance towards the viewer.
     fn project(&self, [x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
@@ -98,14 +110,14 @@ fn draw_push(sheet: &mut Sheet, camera: &Camera, pose: &Pose, push: Push) {
     let angle = f64::from(push.direction_deg).to_radians();
     let [x, y, z] = pose.trunk_m.map(f64::from);
     let along = |distance: f64| [x + distance * angle.cos(), y + distance * angle.sin(), z + 0.04];
-    let (from, _) = camera.project(along(-0.52));
+    let (from, _) = camera.project(along(-0.40));
     let (to, _) = camera.project(along(-0.17));
     sheet.arrow(from, to, Stroke::new(PUSH, 5.0));
     let label = format!("{:.0} N·s", push.impulse_n_s);
-    // Beside the tail, on the side away from the robot.
-    let anchor = if to[0] > from[0] { Anchor::End } else { Anchor::Start };
-    let at = [from[0] + if to[0] > from[0] { 6.0 } else { -6.0 }, from[1] + 20.0];
-    sheet.text(at, &label, Text::new(SMALL + 1.0).color(PUSH).bold().anchor(anchor));
+    // Above the robot, where nothing else is.
+    let ([middle, height], _) = camera.project([x, y, z]);
+    let at = [middle, height - 0.32 * SCALE];
+    sheet.text(at, &label, Text::new(SMALL + 1.0).color(PUSH).bold().anchor(Anchor::Middle));
 }
 
 fn centre(block: &Block) -> [f64; 3] {
@@ -133,6 +145,21 @@ mod tests {
     #[test]
     fn no_frames_draw_an_empty_strip() {
         assert!(filmstrip("", &[], None).svg.starts_with("<svg"));
+    }
+
+    #[test]
+    fn the_arrow_stands_in_the_frame_of_the_push_and_nowhere_else() {
+        let pose = |t_s| Pose {
+            t_s,
+            trunk_m: [0.0, 0.0, 0.84],
+            trunk_quat: [0.0, 0.0, 0.0, 1.0],
+            joints: [0.0; 6],
+            pads_n: [80.0; 4],
+        };
+        let push = Push { at_s: 2.0, direction_deg: 90.0, impulse_n_s: 14.0 };
+        let svg = filmstrip("", &[pose(1.7), pose(2.05), pose(2.35)], Some(push)).svg;
+        assert_eq!((svg.matches(">14 N·s<").count(), svg.matches(">push<").count()), (1, 1));
+        assert!(svg.contains(">−0.3 s<") && svg.contains(">+0.3 s<"), "{svg}");
     }
 
     #[test]

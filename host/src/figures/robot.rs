@@ -59,13 +59,13 @@ pub(super) fn blocks(pose: &Pose) -> Vec<Block> {
         blocks.push(leg.block(Part::Upper, [0.0, 0.0, -0.19], [0.055, 0.045, 0.19]));
         // The lower leg slides in the upper one: its length stays, its place changes.
         blocks.push(leg.block(Part::Lower, [0.0, 0.0, -length + 0.24], [0.035, 0.03, 0.20]));
-        let [heel, toe] = [2 * side, 2 * side + 1].map(|pad| pose.pads_n[pad] > LOADED_N);
+        let loaded = [2 * side, 2 * side + 1].iter().any(|&pad| pose.pads_n[pad] > LOADED_N);
         let foot = |part, from: f64, to: f64| {
             let centre = [(from + to) / 2.0, 0.0, -length + 0.02];
             leg.block(part, centre, [(to - from) / 2.0, FOOT_HALF_WIDTH, 0.02])
         };
-        blocks.push(foot(Part::Foot { loaded: heel }, -HEEL, 0.0));
-        blocks.push(foot(Part::Foot { loaded: toe }, 0.004, TOE));
+        blocks.push(foot(Part::Foot { loaded }, -HEEL, 0.0));
+        blocks.push(foot(Part::Foot { loaded }, 0.004, TOE));
     }
     blocks
 }

@@ -213,6 +213,9 @@ pub(super) fn width_of(text: &str, size: f64) -> f64 {
     units * size
 }
 
+/// How much wider bold text is.
+pub(super) const BOLD: f64 = 1.08;
+
 fn path(points: &[[f64; 2]]) -> String {
     let points: Vec<String> = points.iter().map(|[x, y]| format!("{},{}", coordinate(*x), coordinate(*y))).collect();
     points.join(" ")

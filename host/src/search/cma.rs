@@ -81,7 +81,7 @@ impl Search for CmaEs {
 
     fn tell(&mut self, reward: f32) {
         self.rewards.push(reward);
-        if self.rewards.len() % self.population() == 0 {
+        if self.rewards.len().is_multiple_of(self.population()) {
             self.replay();
         }
     }

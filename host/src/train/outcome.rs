@@ -266,7 +266,8 @@ fn shown(config: &TrainConfig, set: &ParamSet) -> Result<ShownEpisode, TrainErro
     let mut recording = Recording::default();
     run_episode(&Controller::Constants(*set), &config.robot, &episode, Some(&mut recording))?;
     let push = episode.pushes.first();
-    let from_s = push.map_or(0.0, |push| push.at_s - 0.05);
+    // From the middle of the push, while its force acts.
+    let from_s = push.map_or(0.0, |push| push.at_s + push.duration_s / 2.0);
     let after: Vec<_> = recording.poses.iter().filter(|pose| (from_s..from_s + 2.0).contains(&pose.t_s)).collect();
     let step = (after.len() / POSES).max(1);
     Ok(ShownEpisode {
