@@ -19,7 +19,7 @@ const SCENARIO: &str = "duration_s = 5.0\ndrop_m = 0.02\nsettle_s = 1.0\n\
 
 fn config(scenario: &Path) -> String {
     format!(
-        "seed = 3\nseeds = 1\nepisodes = 3\nmethods = [\"enaf\", \"cma-es\"]\nscenario = {:?}\njudged_episodes = 2\n\
+        "seed = 3\nseeds = 1\nepisodes = 3\nmethods = [\"enaf\", \"cma-es\"]\nscenario = {:?}\njudged_episodes = 2\nvalidation_episodes = 2\n\
          grid_impulses_n_s = [70.0]\ngrid_repeats = 1\ncheckpoint_every = 1\n[enaf]\nwarm_up_episodes = 1\n",
         text(scenario)
     )

@@ -60,6 +60,8 @@ pub struct TrainConfig {
     pub scenario: String,
     /// Reward of training.
     pub reward: RewardForm,
+    /// Pushes on which a session's result must beat its start to be handed on.
+    pub validation_episodes: u32,
     /// Episodes that judge a session, before and after, on common pushes.
     pub judged_episodes: u32,
     /// Impulses of the final push grids, N·s.
@@ -83,6 +85,7 @@ impl Default for TrainConfig {
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             scenario: "train".into(),
             reward: RewardForm::Gated,
+            validation_episodes: 24,
             judged_episodes: 50,
             grid_impulses_n_s: vec![24.0, 18.0],
             grid_repeats: 4,
@@ -127,6 +130,7 @@ impl TrainConfig {
             seeds: 2,
             episodes: 10,
             methods: vec![Method::Enaf, Method::CmaEs],
+            validation_episodes: 6,
             judged_episodes: 6,
             grid_impulses_n_s: vec![24.0],
             grid_repeats: 1,
@@ -154,6 +158,7 @@ impl TrainConfig {
             ("seed", self.seed < 1 << 40, "below 2^40"),
             ("episodes", (1..=100_000).contains(&self.episodes), "1 to 100000"),
             ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random"),
+            ("validation_episodes", (2..=100_000).contains(&self.validation_episodes), "2 to 100000"),
             ("judged_episodes", (2..=100_000).contains(&self.judged_episodes), "2 to 100000"),
             ("grid_repeats", (1..=1000).contains(&self.grid_repeats), "1 to 1000"),
             ("checkpoint_every", self.checkpoint_every > 0, "1 or more"),

@@ -211,7 +211,7 @@ fn chain(
         let metrics = read_metrics(&folder.layout().metrics(method.folder(), seed, number))?;
         let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
         folder.write_tensorboard(method.folder(), seed, number, &events)?;
-        let trained = session.trained();
+        let trained = session.trained()?;
         if trained.broken > 0 {
             progress.print(&format!(
                 "{} seed {seed} session {number}: the simulation failed in {} episodes; they were repeated in other worlds",

@@ -8,12 +8,19 @@ use serde::{Deserialize, Serialize};
 use super::TrainError;
 use super::config::{Method, TrainConfig};
 use crate::enaf::{EnafError, Policy, Trainer};
+use crate::evaluate::{Controller, run_episode};
 use crate::report::columns;
 use crate::run::{MetricsCsv, write_atomic};
 use crate::search::{CmaEs, RandomSearch, Search, run_constant};
 use crate::task::action;
 use crate::task::environment::{BrokenWorld, RobotEnvironment};
 use crate::task::observation;
+use crate::task::reward::RewardForm;
+use sarah_sim::scenario::Scenario;
+use sarah_sim::sil::SilConfig;
+
+/// Seeds of validation lie here, between those of training and of judging.
+const VALIDATION_SEED: u64 = 1 << 59;
 
 /// Version of the checkpoint's layout.
 const CHECKPOINT_FORMAT: u32 = 1;
@@ -39,6 +46,10 @@ pub struct Session {
     lpg: Lpg,
     base: ParamSet,
     seed: u64,
+    scenario: Scenario,
+    robot: SilConfig,
+    reward: RewardForm,
+    validation_episodes: u32,
     env: RobotEnvironment,
     learner: Learner,
     metrics: MetricsCsv,
@@ -69,7 +80,7 @@ impl Session {
         folder: &std::path::Path,
     ) -> Result<Session, TrainError> {
         let scenario = config.train_scenario().map_err(super::ConfigError::from)?;
-        let env = RobotEnvironment::new(config.robot.clone(), scenario, base, lpg, config.reward);
+        let env = RobotEnvironment::new(config.robot.clone(), scenario.clone(), base, lpg, config.reward);
         // Sessions of one seed see different worlds, methods of one seed the same.
         let seed = seed * 10 + lpg as u64;
         let checkpoint = folder.join("checkpoint.bin");
@@ -111,7 +122,8 @@ impl Session {
             saved.as_ref().map(|saved| saved.metrics_bytes),
         )?;
         let (episodes, broken) = saved.map_or((0, 0), |saved| (saved.episodes, saved.broken));
-        Ok(Session { method, lpg, base, seed, env, learner, metrics, checkpoint, episodes, broken })
+        let (robot, reward, validation_episodes) = (config.robot.clone(), config.reward, config.validation_episodes);
+        Ok(Session { method, lpg, base, seed, scenario, robot, reward, validation_episodes, env, learner, metrics, checkpoint, episodes, broken })
     }
 
     /// Episodes done.
@@ -176,7 +188,38 @@ impl Session {
     }
 
     /// What the session has come to.
-    pub fn trained(&self) -> Trained {
+    ///
+    /// Constants are handed on only if they beat the session's start by more than a standard error on
+    /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a session that had
+    /// nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
+    pub fn trained(&self) -> Result<Trained, TrainError> {
+        let mut trained = self.candidate();
+        if self.method != Method::EnafPaper && trained.constants != self.base {
+            let differences = self.validate(&trained.constants)?;
+            let n = differences.len() as f32;
+            let mean = differences.iter().sum::<f32>() / n;
+            let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / (n - 1.0);
+            if mean <= (variance / n).sqrt() {
+                trained.constants = self.base;
+            }
+        }
+        Ok(trained)
+    }
+
+    /// Rewards of `set` less those of the session's start, push by push.
+    fn validate(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
+        let reward = |set: &ParamSet, index: u64| {
+            let episode = self.scenario.episode(VALIDATION_SEED + self.seed, index);
+            let result = run_episode(&Controller::Constants(*set), &self.robot, &episode, None)?;
+            Ok::<f32, TrainError>(match self.reward {
+                RewardForm::Paper => result.reward_paper,
+                RewardForm::Gated => result.reward_gated,
+            })
+        };
+        (0..u64::from(self.validation_episodes)).map(|index| Ok(reward(set, index)? - reward(&self.base, index)?)).collect()
+    }
+
+    fn candidate(&self) -> Trained {
         let (constants, policy) = match &self.learner {
             Learner::Enaf(trainer) => {
                 (trainer.mean_action(), (self.method == Method::EnafPaper).then(|| trainer.policy()))
