@@ -13,21 +13,12 @@ const LOADED: Q16 = Q16::lit(150.0);
 const AIR: Q16 = Q16::ZERO;
 
 fn params() -> KneeParams {
-    KneeParams {
-        kick: Q16::lit(0.09),
-        retract: Q16::lit(0.8),
-        extend: Q16::lit(0.9),
-    }
+    KneeParams { kick: Q16::lit(0.09), retract: Q16::lit(0.8), extend: Q16::lit(0.9) }
 }
 
 /// The trunk turns at `rotation` and leans `[sagittal, lateral]`.
 fn motion(rotation: f64, lean: [f64; 2]) -> Motion {
-    Motion {
-        acceleration: Q16::lit(9.81),
-        rotation: Q16::lit(rotation),
-        lean: lean.map(Q16::lit),
-        ..Motion::default()
-    }
+    Motion { acceleration: Q16::lit(9.81), rotation: Q16::lit(rotation), lean: lean.map(Q16::lit), ..Motion::default() }
 }
 
 const PUSHED: fn() -> Motion = || motion(1.0, [0.0, 0.05]);
@@ -45,14 +36,7 @@ struct Rig {
 
 impl Rig {
     fn new(dt_us: u32) -> Rig {
-        Rig {
-            knee: Knee::new(KNEE),
-            dt_us,
-            position: [0.0; 2],
-            load: [LOADED; 2],
-            motion: QUIET(),
-            may_start: true,
-        }
+        Rig { knee: Knee::new(KNEE), dt_us, position: [0.0; 2], load: [LOADED; 2], motion: QUIET(), may_start: true }
     }
 
     fn tick(&mut self) -> KneeOutputs {
@@ -174,10 +158,7 @@ fn kick_extends_only_the_swing_leg_and_ends_at_its_time() {
         }
         // 0.09 m/s cannot reach the kick height within the limit, so the time ends it, to the nearest tick.
         let seconds = (ticks - 1) as f64 * dt as f64 * 1e-6;
-        assert!(
-            (seconds - 0.072).abs() <= 0.5e-6 * dt as f64 + 1e-9,
-            "{seconds} at {dt} µs"
-        );
+        assert!((seconds - 0.072).abs() <= 0.5e-6 * dt as f64 + 1e-9, "{seconds} at {dt} µs");
     }
 }
 
@@ -193,10 +174,7 @@ fn retract_lifts_the_foot_to_the_step_height_then_extends() {
             rig.tick();
         }
         // Factor is about 1 here, so the step is clamped to 69.8 mm; a tick at 0.8 m/s is the sampling error.
-        assert!(
-            (0.0698 - 1e-4..0.0698 + 0.9 * dt as f64 * 1e-6 + 1e-4).contains(&depth),
-            "{depth} at {dt} µs"
-        );
+        assert!((0.0698 - 1e-4..0.0698 + 0.9 * dt as f64 * 1e-6 + 1e-4).contains(&depth), "{depth} at {dt} µs");
     }
 }
 
@@ -213,12 +191,7 @@ fn unloading_raises_lift_off_and_loading_raises_touchdown_once_each() {
         events.extend(rig.run(|r| r.knee.phase() == Phase::Idle));
         assert_eq!(
             names(&events),
-            [
-                GaitEvent::CycleStart,
-                GaitEvent::LiftOff,
-                GaitEvent::Touchdown,
-                GaitEvent::CycleEnd
-            ]
+            [GaitEvent::CycleStart, GaitEvent::LiftOff, GaitEvent::Touchdown, GaitEvent::CycleEnd]
         );
         assert_eq!(rig.knee.steps(), 1);
     }
@@ -235,10 +208,7 @@ fn touchdown_while_still_falling_brakes_the_leg_at_once() {
         rig.load = [LOADED; 2];
         let out = rig.tick();
         assert_eq!(out.drive, [Drive::Brake; 2]);
-        assert_eq!(
-            out.events.as_slice(),
-            [GaitEvent::Touchdown, GaitEvent::CycleEnd]
-        );
+        assert_eq!(out.events.as_slice(), [GaitEvent::Touchdown, GaitEvent::CycleEnd]);
         assert_eq!(rig.knee.steps(), 1);
     }
 }
@@ -329,10 +299,7 @@ fn a_whole_cycle_takes_the_same_time_at_every_tick_rate() {
     let fine = duration(100).expect("the cycle ends");
     for dt in RATES {
         let coarse = duration(dt).expect("the cycle ends");
-        assert!(
-            (coarse - fine).abs() < 3e-6 * dt as f64 + 1e-3,
-            "{coarse} against {fine} s at {dt} µs"
-        );
+        assert!((coarse - fine).abs() < 3e-6 * dt as f64 + 1e-3, "{coarse} against {fine} s at {dt} µs");
     }
 }
 

@@ -3,9 +3,7 @@
 use proptest::prelude::*;
 use sarah_firmware::lpg::Drive;
 use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs, Sensors};
-use sarah_protocol::bus::{
-    Gait, GaitEvent, HaltReason, Message, Mode, Motion, NodeId, Side, Stage, Staged, limits,
-};
+use sarah_protocol::bus::{Gait, GaitEvent, HaltReason, Message, Mode, Motion, NodeId, Side, Stage, Staged, limits};
 use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::{ParamError, ParamSet, SPECS};
 
@@ -22,10 +20,7 @@ fn node(id: NodeId) -> NodeKind {
 }
 
 fn standing() -> Sensors {
-    Sensors {
-        position: [Q16::ZERO; 2],
-        load: [Q16::lit(75.0); 4],
-    }
+    Sensors { position: [Q16::ZERO; 2], load: [Q16::lit(75.0); 4] }
 }
 
 fn armed(rotation: f64) -> Message {
@@ -46,12 +41,7 @@ fn stage(generation: u32) -> Message {
 }
 
 fn gait(event: GaitEvent, generation: u32) -> Message {
-    Message::Gait(Gait {
-        event,
-        swing: Side::Left,
-        cycle: 1,
-        generation,
-    })
+    Message::Gait(Gait { event, swing: Side::Left, cycle: 1, generation })
 }
 
 fn generation(node: &NodeKind) -> u32 {
@@ -81,14 +71,8 @@ fn a_bad_set_is_refused_by_field_and_nothing_is_staged() {
     let mut knee = node(NodeId::Knee);
     let mut params = *ParamSet::table_ii().values();
     params[12] = f32::NAN;
-    let answer = knee.on_message(&Message::Stage(Stage {
-        generation: 1,
-        params,
-    }));
-    let refused = Staged {
-        generation: 1,
-        result: Err(ParamError::NotFinite { index: 12 }),
-    };
+    let answer = knee.on_message(&Message::Stage(Stage { generation: 1, params }));
+    let refused = Staged { generation: 1, result: Err(ParamError::NotFinite { index: 12 }) };
     assert_eq!(answer, Some(Message::Staged(NodeId::Knee, refused)));
     knee.on_message(&Message::Activate(1));
     knee.tick(DT, &standing());
@@ -105,10 +89,7 @@ fn a_staged_set_waits_for_activation_and_a_repeated_stage_is_answered_alike() {
     }
     assert_eq!(generation(&knee), 0);
     knee.on_message(&Message::Activate(1));
-    assert_eq!(
-        flags(&knee.tick(DT, &standing())),
-        [(GaitEvent::Boundary, 1)]
-    );
+    assert_eq!(flags(&knee.tick(DT, &standing())), [(GaitEvent::Boundary, 1)]);
     assert_eq!(generation(&knee), 1);
 }
 
@@ -119,10 +100,7 @@ fn an_older_generation_is_ignored() {
     knee.on_message(&Message::Activate(5));
     knee.tick(DT, &standing());
     assert_eq!(knee.on_message(&stage(4)), None);
-    assert!(
-        knee.on_message(&stage(5)).is_some(),
-        "what is in force is acknowledged again"
-    );
+    assert!(knee.on_message(&stage(5)).is_some(), "what is in force is acknowledged again");
 }
 
 #[test]
@@ -171,11 +149,7 @@ fn followers_swap_when_a_boundary_names_the_generation_and_not_before() {
 #[test]
 fn a_follower_without_the_named_generation_stays_braked_and_says_so() {
     let mut hip = node(NodeId::Hip);
-    for message in [
-        armed(1.0),
-        gait(GaitEvent::CycleStart, 3),
-        gait(GaitEvent::LiftOff, 3),
-    ] {
+    for message in [armed(1.0), gait(GaitEvent::CycleStart, 3), gait(GaitEvent::LiftOff, 3)] {
         hip.on_message(&message);
     }
     let out = hip.tick(DT, &standing());
@@ -189,13 +163,8 @@ fn nothing_moves_before_the_coordinator_armed() {
     for _ in 0..1_000 {
         assert_eq!(knee.tick(DT, &standing()).drive, [Drive::Brake; 2]);
     }
-    let Message::Motion(motion) = armed(2.0) else {
-        unreachable!()
-    };
-    knee.on_message(&Message::Motion(Motion {
-        mode: Mode::Braked,
-        ..motion
-    }));
+    let Message::Motion(motion) = armed(2.0) else { unreachable!() };
+    knee.on_message(&Message::Motion(Motion { mode: Mode::Braked, ..motion }));
     assert_eq!(knee.tick(DT, &standing()).drive, [Drive::Brake; 2]);
 }
 
@@ -231,27 +200,17 @@ fn a_silent_coordinator_lets_the_cycle_finish_and_starts_no_other() {
             assert!(raised.iter().all(|f| f.0 != GaitEvent::CycleStart));
         }
     }
-    assert!(
-        ended_at.is_some_and(|tick| tick > 60),
-        "the cycle was cut off at {ended_at:?} ms"
-    );
+    assert!(ended_at.is_some_and(|tick| tick > 60), "the cycle was cut off at {ended_at:?} ms");
 }
 
 #[test]
 fn an_impossible_position_is_replaced_by_the_last_good_one() {
     let mut hip = node(NodeId::Hip);
-    for message in [
-        armed(1.0),
-        gait(GaitEvent::CycleStart, 0),
-        gait(GaitEvent::LiftOff, 0),
-    ] {
+    for message in [armed(1.0), gait(GaitEvent::CycleStart, 0), gait(GaitEvent::LiftOff, 0)] {
         hip.on_message(&message);
     }
     let good = hip.tick(DT, &standing()).drive;
-    let broken = Sensors {
-        position: [Q16::MAX, Q16(i32::MIN)],
-        ..standing()
-    };
+    let broken = Sensors { position: [Q16::MAX, Q16(i32::MIN)], ..standing() };
     assert_eq!(hip.tick(DT, &broken).drive, good);
 }
 

@@ -19,10 +19,7 @@ fn params() -> SwingParams {
 
 /// Falling so that x = `sagittal` and `lateral` rad/s.
 fn falling(sagittal: f64, lateral: f64) -> Motion {
-    Motion {
-        slow_rate: [Q16::lit(sagittal), Q16::lit(lateral)],
-        ..Motion::default()
-    }
+    Motion { slow_rate: [Q16::lit(sagittal), Q16::lit(lateral)], ..Motion::default() }
 }
 
 fn lifted(rules: SwingRules, leg: Side, motion: &Motion) -> Swing {
@@ -33,26 +30,15 @@ fn lifted(rules: SwingRules, leg: Side, motion: &Motion) -> Swing {
 }
 
 fn target(rules: SwingRules, leg: Side, motion: &Motion) -> f32 {
-    lifted(rules, leg, motion)
-        .target()
-        .expect("decided at lift-off")
-        .to_f32()
+    lifted(rules, leg, motion).target().expect("decided at lift-off").to_f32()
 }
 
 #[test]
 fn nothing_moves_before_lift_off() {
     let mut swing = Swing::new(HIP);
-    swing.on_gait(
-        GaitEvent::CycleStart,
-        Side::Left,
-        &falling(1.0, 0.0),
-        &params(),
-    );
+    swing.on_gait(GaitEvent::CycleStart, Side::Left, &falling(1.0, 0.0), &params());
     assert_eq!(swing.phase(), Phase::Ready);
-    assert_eq!(
-        swing.tick(1_000, [Q16::ZERO; 2], &params()).0,
-        [Drive::Brake; 2]
-    );
+    assert_eq!(swing.tick(1_000, [Q16::ZERO; 2], &params()).0, [Drive::Brake; 2]);
 }
 
 #[test]
@@ -75,10 +61,7 @@ fn the_target_is_the_quadratic_of_the_fall() {
 
 #[test]
 fn lean_weighs_in_by_its_coefficient() {
-    let leaning = Motion {
-        lean: [Q16::lit(0.2), Q16::ZERO],
-        ..Motion::default()
-    };
+    let leaning = Motion { lean: [Q16::lit(0.2), Q16::ZERO], ..Motion::default() };
     let x = 5.0 * 0.2f32;
     let expected = 0.1 * x * x + 0.2 * x + HIP.constant.to_f32();
     assert!((target(HIP, Side::Left, &leaning) - expected).abs() < 1e-3);
@@ -107,18 +90,8 @@ fn an_abductor_moves_outward_with_the_fall_and_a_little_against_it() {
 fn the_decision_is_made_once_per_cycle() {
     let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
     let decided = swing.target();
-    swing.on_gait(
-        GaitEvent::Touchdown,
-        Side::Left,
-        &falling(3.0, 0.0),
-        &params(),
-    );
-    swing.on_gait(
-        GaitEvent::LiftOff,
-        Side::Left,
-        &falling(3.0, 0.0),
-        &params(),
-    );
+    swing.on_gait(GaitEvent::Touchdown, Side::Left, &falling(3.0, 0.0), &params());
+    swing.on_gait(GaitEvent::LiftOff, Side::Left, &falling(3.0, 0.0), &params());
     assert_eq!(swing.target(), decided);
     assert_eq!(swing.phase(), Phase::Moving);
 }
@@ -127,10 +100,7 @@ fn the_decision_is_made_once_per_cycle() {
 fn the_leg_brakes_on_target() {
     let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
     let goal = swing.target().expect("decided");
-    assert_eq!(
-        swing.tick(1_000, [goal, Q16::ZERO], &params()).0,
-        [Drive::Brake; 2]
-    );
+    assert_eq!(swing.tick(1_000, [goal, Q16::ZERO], &params()).0, [Drive::Brake; 2]);
     assert_eq!(swing.phase(), Phase::Held);
 }
 
@@ -139,24 +109,16 @@ fn touchdown_brakes_and_cycle_end_brakes() {
     for event in [GaitEvent::Touchdown, GaitEvent::CycleEnd] {
         let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
         swing.on_gait(event, Side::Left, &falling(1.0, 0.0), &params());
-        assert_eq!(
-            swing.tick(1_000, [Q16::ZERO; 2], &params()).0,
-            [Drive::Brake; 2]
-        );
+        assert_eq!(swing.tick(1_000, [Q16::ZERO; 2], &params()).0, [Drive::Brake; 2]);
     }
 }
 
 #[test]
 fn a_jammed_joint_gives_up_after_its_time_out() {
     let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
-    let ticks = (0..1_000)
-        .take_while(|_| !swing.tick(1_000, [Q16::ZERO; 2], &params()).1)
-        .count();
+    let ticks = (0..1_000).take_while(|_| !swing.tick(1_000, [Q16::ZERO; 2], &params()).1).count();
     assert_eq!(ticks as u32, HIP.move_us / 1_000);
-    assert_eq!(
-        swing.tick(1_000, [Q16::ZERO; 2], &params()).0,
-        [Drive::Brake; 2]
-    );
+    assert_eq!(swing.tick(1_000, [Q16::ZERO; 2], &params()).0, [Drive::Brake; 2]);
 }
 
 proptest! {

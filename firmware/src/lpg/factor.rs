@@ -125,9 +125,7 @@ mod tests {
                 let f = factor(&PlainDivider, a, g);
                 let exact = factor_f64(a.0 as f64 / 65536.0, (g.0 as f64 / 65536.0).min(4.0));
                 worst.0 = worst.0.max((real(f) - exact).abs());
-                worst.1 = worst
-                    .1
-                    .max((real(step(&PlainDivider, f)) - step_f64(exact)).abs());
+                worst.1 = worst.1.max((real(step(&PlainDivider, f)) - step_f64(exact)).abs());
             }
         }
         assert!(worst.0 <= 2e-6 && worst.1 <= 2e-6, "worst errors {worst:?}");

@@ -34,11 +34,7 @@ pub struct KneeParams {
 impl From<&ParamSet> for KneeParams {
     fn from(set: &ParamSet) -> Self {
         let [p1, p2, p3, ..] = *set.values();
-        KneeParams {
-            kick: Q16::from_f32(p1),
-            retract: Q16::from_f32(p2),
-            extend: Q16::from_f32(p3),
-        }
+        KneeParams { kick: Q16::from_f32(p1), retract: Q16::from_f32(p2), extend: Q16::from_f32(p3) }
     }
 }
 
@@ -159,12 +155,7 @@ impl Knee {
     }
 
     /// One control tick.
-    pub fn tick<D: Divider>(
-        &mut self,
-        divider: &D,
-        inputs: &KneeInputs,
-        params: &KneeParams,
-    ) -> KneeOutputs {
+    pub fn tick<D: Divider>(&mut self, divider: &D, inputs: &KneeInputs, params: &KneeParams) -> KneeOutputs {
         let mut out = KneeOutputs::default();
         self.phase_us = self.phase_us.saturating_add(inputs.dt_us);
         let loaded = inputs.load.map(|force| force > self.rules.loaded_n);
@@ -177,8 +168,8 @@ impl Knee {
             && let Some(swing) = self.start(loaded, xi)
         {
             self.swing = swing;
-            self.step = factor::q30_to_q16(factor::step(divider, self.factor_q30))
-                .clamp(self.rules.step.0, self.rules.step.1);
+            self.step =
+                factor::q30_to_q16(factor::step(divider, self.factor_q30)).clamp(self.rules.step.0, self.rules.step.1);
             self.lifted = false;
             self.airborne = false;
             self.counted = false;
@@ -212,11 +203,7 @@ impl Knee {
         }
         if self.phase == Phase::Extend {
             let landed = grounded && self.lifted;
-            let speed = if landed {
-                self.rules.touchdown_speed.min(params.extend)
-            } else {
-                params.extend
-            };
+            let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
             let lead = speed.scaled(self.rules.lead_us as i32, 0).0 / 1_000_000;
             let late = self.passed(self.rules.stroke_us, inputs.dt_us);
             let falling = landed && longer(xi[0], xi[1], self.rules.brake_xi);
@@ -250,9 +237,7 @@ impl Knee {
     fn start(&self, loaded: [bool; 2], xi: [Q16; 2]) -> Option<Side> {
         let rules = &self.rules;
         match loaded {
-            [true, true]
-                if self.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us =>
-            {
+            [true, true] if self.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us => {
                 let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
                 Some(match (fresh, xi[1] > Q16::ZERO) {
                     (false, _) => self.swing.other(),
@@ -261,9 +246,7 @@ impl Knee {
                 })
             }
             [left, right]
-                if left != right
-                    && longer(xi[0], xi[1], rules.chain_xi)
-                    && self.phase_us >= rules.chain_dwell_us =>
+                if left != right && longer(xi[0], xi[1], rules.chain_xi) && self.phase_us >= rules.chain_dwell_us =>
             {
                 Some(if left { Side::Right } else { Side::Left })
             }

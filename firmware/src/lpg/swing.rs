@@ -78,14 +78,7 @@ pub struct Swing {
 impl Swing {
     /// At rest.
     pub const fn new(rules: SwingRules) -> Swing {
-        Swing {
-            rules,
-            phase: Phase::Idle,
-            leg: Side::Left,
-            target: None,
-            arrived: false,
-            moving_us: 0,
-        }
+        Swing { rules, phase: Phase::Idle, leg: Side::Left, target: None, arrived: false, moving_us: 0 }
     }
 
     /// Where the move is.
@@ -104,13 +97,7 @@ impl Swing {
     }
 
     /// A flag of LPG1.
-    pub fn on_gait(
-        &mut self,
-        event: GaitEvent,
-        swing: Side,
-        motion: &Motion,
-        params: &SwingParams,
-    ) {
+    pub fn on_gait(&mut self, event: GaitEvent, swing: Side, motion: &Motion, params: &SwingParams) {
         match (event, self.phase) {
             (GaitEvent::CycleStart, _) => {
                 self.leg = swing;
@@ -124,11 +111,7 @@ impl Swing {
                 if self.target.is_none() {
                     self.target = Some(self.aim(motion, params));
                 }
-                self.phase = if self.arrived {
-                    Phase::Held
-                } else {
-                    Phase::Moving
-                };
+                self.phase = if self.arrived { Phase::Held } else { Phase::Moving };
             }
             (GaitEvent::Touchdown, Phase::Moving) => self.phase = Phase::Held,
             (GaitEvent::CycleEnd, _) => self.phase = Phase::Idle,
@@ -137,12 +120,7 @@ impl Swing {
     }
 
     /// One control tick: commands for the \[left, right\] joint and whether the move ran out of time.
-    pub fn tick(
-        &mut self,
-        dt_us: u32,
-        position: [Q16; 2],
-        params: &SwingParams,
-    ) -> ([Drive; 2], bool) {
+    pub fn tick(&mut self, dt_us: u32, position: [Q16; 2], params: &SwingParams) -> ([Drive; 2], bool) {
         let mut drive = [Drive::Brake; 2];
         let leg = self.leg as usize;
         let mut timed_out = false;
@@ -164,10 +142,7 @@ impl Swing {
 
     fn aim(&self, motion: &Motion, params: &SwingParams) -> Q16 {
         let rules = &self.rules;
-        let (Some(&rate), Some(&lean)) = (
-            motion.slow_rate.get(rules.axis),
-            motion.lean.get(rules.axis),
-        ) else {
+        let (Some(&rate), Some(&lean)) = (motion.slow_rate.get(rules.axis), motion.lean.get(rules.axis)) else {
             return Q16::ZERO;
         };
         let x = rate + params.lean_weight.times(lean);
@@ -175,18 +150,13 @@ impl Swing {
             return Q16::ZERO;
         }
         let size = x.abs();
-        let reach =
-            params.quadratic.times(size.times(size)) + params.linear.times(size) + rules.constant;
+        let reach = params.quadratic.times(size.times(size)) + params.linear.times(size) + rules.constant;
         if !rules.outward_only {
             return reach.clamp(-rules.reach, rules.reach).signed(x.signum());
         }
         let outward = self.leg.sign();
         let with_fall = x.signum() == outward;
-        let angle = if with_fall {
-            reach
-        } else {
-            rules.opposite.times(size)
-        };
+        let angle = if with_fall { reach } else { rules.opposite.times(size) };
         angle.clamp(Q16::ZERO, rules.reach).signed(outward)
     }
 }

@@ -66,10 +66,7 @@ impl NodeLink {
             applied: (0, config.default),
             staged: None,
             since_status_us: STATUS_PERIOD_US,
-            good: Sensors {
-                position: [Q16::ZERO; 2],
-                load: [Q16::ZERO; 4],
-            },
+            good: Sensors { position: [Q16::ZERO; 2], load: [Q16::ZERO; 4] },
             limits: 0,
             reported: 0,
         }
@@ -143,23 +140,11 @@ impl NodeLink {
             match ParamSet::new(stage.params) {
                 Ok(set) => self.staged = Some((generation, set)),
                 Err(error) => {
-                    return Some(Message::Staged(
-                        self.id,
-                        Staged {
-                            generation,
-                            result: Err(error),
-                        },
-                    ));
+                    return Some(Message::Staged(self.id, Staged { generation, result: Err(error) }));
                 }
             }
         }
-        Some(Message::Staged(
-            self.id,
-            Staged {
-                generation,
-                result: Ok(()),
-            },
-        ))
+        Some(Message::Staged(self.id, Staged { generation, result: Ok(()) }))
     }
 
     /// Puts the staged set into force if it is `generation`. Call only between cycles.
@@ -207,8 +192,7 @@ impl NodeLink {
         for (drive, position) in out.drive.iter_mut().zip(self.good.position) {
             let stop = self.config.end_stop;
             if let Drive::Velocity(speed) = *drive
-                && ((speed > Q16::ZERO && position >= stop)
-                    || (speed < Q16::ZERO && position <= -stop))
+                && ((speed > Q16::ZERO && position >= stop) || (speed < Q16::ZERO && position <= -stop))
             {
                 *drive = Drive::Brake;
                 self.limits |= limits::END_STOP;

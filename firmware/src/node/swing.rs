@@ -44,10 +44,7 @@ impl SwingNode {
 
     fn on_gait(&mut self, gait: &Gait) {
         self.cycle = gait.cycle;
-        let boundary = matches!(
-            gait.event,
-            GaitEvent::CycleStart | GaitEvent::Boundary | GaitEvent::Beat
-        );
+        let boundary = matches!(gait.event, GaitEvent::CycleStart | GaitEvent::Boundary | GaitEvent::Beat);
         if boundary && gait.generation != self.link.applied().0 {
             self.missing = !self.link.swap_to(gait.generation);
             self.params = params_of(self.link.id(), self.link.applied().1);
@@ -58,8 +55,7 @@ impl SwingNode {
         if self.missing {
             self.lpg.abort();
         } else {
-            self.lpg
-                .on_gait(gait.event, gait.swing, self.link.motion(), &self.params);
+            self.lpg.on_gait(gait.event, gait.swing, self.link.motion(), &self.params);
         }
     }
 }
@@ -87,11 +83,7 @@ impl Node for SwingNode {
             self.link.limit(limits::TIMED_OUT);
         }
         out.drive = drive;
-        let view = View {
-            phase: self.lpg.phase() as u8,
-            cycle: self.cycle,
-            ..View::default()
-        };
+        let view = View { phase: self.lpg.phase() as u8, cycle: self.cycle, ..View::default() };
         self.link.finish(out, view)
     }
 }

@@ -123,7 +123,22 @@ impl Session {
         )?;
         let (episodes, broken) = saved.map_or((0, 0), |saved| (saved.episodes, saved.broken));
         let (robot, reward, validation_episodes) = (config.robot.clone(), config.reward, config.validation_episodes);
-        Ok(Session { method, lpg, base, seed, scenario, robot, reward, validation_episodes, env, learner, metrics, checkpoint, episodes, broken })
+        Ok(Session {
+            method,
+            lpg,
+            base,
+            seed,
+            scenario,
+            robot,
+            reward,
+            validation_episodes,
+            env,
+            learner,
+            metrics,
+            checkpoint,
+            episodes,
+            broken,
+        })
     }
 
     /// Episodes done.
@@ -216,7 +231,9 @@ impl Session {
                 RewardForm::Gated => result.reward_gated,
             })
         };
-        (0..u64::from(self.validation_episodes)).map(|index| Ok(reward(set, index)? - reward(&self.base, index)?)).collect()
+        (0..u64::from(self.validation_episodes))
+            .map(|index| Ok(reward(set, index)? - reward(&self.base, index)?))
+            .collect()
     }
 
     fn candidate(&self) -> Trained {
