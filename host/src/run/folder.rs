@@ -4,8 +4,11 @@ use super::atomic::{is_leftover, remove_leftovers};
 use super::{FORMAT, RunError, RunInfo, read_text, write_atomic};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const LOCK: &str = ".lock";
+/// A process that was just killed may hold its lock for a moment longer: whoever resumes at once shall not be refused.
+const LOCK_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Where the files of a run lie. Only names: nothing is read or written.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -158,10 +161,14 @@ fn lock(root: &Path) -> Result<File, RunError> {
     let path = root.join(LOCK);
     let file =
         File::options().create(true).truncate(false).write(true).open(&path).map_err(RunError::io("write", &path))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(RunError::Locked(root.to_path_buf())),
-        Err(TryLockError::Error(error)) => Err(RunError::io("lock", &path)(error)),
+    let began = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) if began.elapsed() < LOCK_PATIENCE => std::thread::sleep(LOCK_PATIENCE / 20),
+            Err(TryLockError::WouldBlock) => return Err(RunError::Locked(root.to_path_buf())),
+            Err(TryLockError::Error(error)) => return Err(RunError::io("lock", &path)(error)),
+        }
     }
 }
 
