@@ -7,18 +7,19 @@
 //!                        └──────────────────── sensors ◄────────────────────────────────────── ┘
 //! ```
 //!
-//! Every message crosses the bus and the host link as encoded bytes. Four clocks run on one microsecond time line:
+//! Every message crosses the bus and the host link as encoded bytes, every sensor value the converter's counts and
+//! every drive the pulse widths of the boards. Four clocks run on one microsecond time line:
 //! physics, coordinator, nodes, bus. Chips tick in turn within a period (coordinator, knee, swing nodes, a tenth of the
 //! period apart), as free-running chips do on average; a command acts from the next physics step. Equal configuration
 //! and seed give equal bits.
 
 use std::collections::VecDeque;
 
+use sarah_firmware::calibration::{self, Calibration};
 use sarah_firmware::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
 use sarah_firmware::lpg::Drive as Command;
-use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs, Sensors as NodeSensors};
+use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs};
 use sarah_protocol::bus::{Frame, Message, NodeId};
-use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::ParamSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -204,12 +205,13 @@ impl Sil {
             Some((force, height_m)) => self.robot.push(force, height_m),
             None => self.robot.clear_push(),
         }
-        for (joint, command) in Joint::ALL.into_iter().zip(self.commands) {
-            let drive = match command {
-                Command::Brake => Drive::Brake,
-                Command::Velocity(speed) => Drive::Velocity(speed.to_f32()),
-            };
-            self.actuators.command(joint, drive);
+        for id in NodeId::ALL {
+            for joint in joints_of(id) {
+                let calibration = calibration_of(id);
+                let pins = calibration.command(self.commands[joint as usize]);
+                let drive = calibration.speed(pins).map_or(Drive::Brake, Drive::Velocity);
+                self.actuators.command(joint, drive);
+            }
         }
         self.actuators.apply(&mut self.robot);
         self.robot.step();
@@ -276,11 +278,9 @@ impl Sil {
         let joints = self.sensors.joints(self.seconds());
         let [left, right] = joints_of(id);
         let load = if id == NodeId::Knee { self.sensors.pads_n(self.seconds()) } else { [0.0; 4] };
-        let sensors = NodeSensors {
-            position: [left, right].map(|joint| Q16::from_f32(joints[joint as usize])),
-            load: load.map(Q16::from_f32),
-        };
-        let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &sensors);
+        let calibration = calibration_of(id);
+        let counts = calibration.counts([left, right].map(|joint| joints[joint as usize]), load);
+        let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &calibration.sensors(&counts));
         self.commands[left as usize] = drive[0];
         self.commands[right as usize] = drive[1];
         for message in messages {
@@ -363,6 +363,15 @@ pub fn joints_of(id: NodeId) -> [Joint; 2] {
         NodeId::Knee => [Joint::LeftKnee, Joint::RightKnee],
         NodeId::Hip => [Joint::LeftHip, Joint::RightHip],
         NodeId::Abductor => [Joint::LeftAbductor, Joint::RightAbductor],
+    }
+}
+
+/// What a node's converter and pulse widths mean.
+pub fn calibration_of(id: NodeId) -> &'static Calibration {
+    match id {
+        NodeId::Knee => &calibration::KNEE,
+        NodeId::Hip => &calibration::HIP,
+        NodeId::Abductor => &calibration::ABDUCTOR,
     }
 }
 
