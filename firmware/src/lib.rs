@@ -3,7 +3,7 @@
 //! - [`attitude`]: which way is up. [`coordinator`]: IMU, parameter generations, arming, the host.
 //! - [`calibration`]: converter readings and pulse widths in units.
 //! - [`lpg`]: the three local pattern generators and eq. 1 and 2.
-//! - [`node`]: a generator with its parameters on the bus.
+//! - [`node`]: a generator with its parameters on the bus. [`store`]: the set that survives a power cut.
 //!
 //! The flashed images and the simulator run exactly this code.
 #![cfg_attr(not(test), no_std)]
@@ -13,6 +13,7 @@ pub mod calibration;
 pub mod coordinator;
 pub mod lpg;
 pub mod node;
+pub mod store;
 
 use sarah_protocol::params::{ParamSet, RawParams};
 

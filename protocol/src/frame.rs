@@ -33,6 +33,11 @@ pub(crate) const fn crc32(bytes: &[u8]) -> u32 {
     Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC).checksum(bytes)
 }
 
+/// CRC-32/ISO-HDLC at run time, sharing the frames' table.
+pub fn checksum(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
 /// What every frame says first.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Header {
