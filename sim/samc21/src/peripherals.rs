@@ -1,0 +1,195 @@
+//! The peripherals of a chip behind their bus bridges: address decoding, clock gating, and the calendar of what each
+//! model does next.
+//!
+//! A model is a plain struct with its registers, one field of [`Peripherals`] and one arm of `with_model!`. No model
+//! knows another: they meet in [`Context`].
+
+pub mod divas;
+
+use crate::context::Context;
+use crate::reset::Reset;
+use crate::time::Cycles;
+use crate::unit::{Unit, on_io_bus};
+use crate::violation::{Access, Kind};
+use crate::width::Width;
+
+use divas::Divas;
+
+/// CPU cycles that an access through an AHB-APB bridge takes beyond the load's or store's own two.
+///
+/// Assumption: the data sheet gives no figure. An APB transfer has a setup and an access cycle, and the bridge registers
+/// the address.
+pub const APB_WAIT: u32 = 2;
+
+/// The behaviour of one peripheral.
+///
+/// `offset` is relative to the unit's base. Time passes only through [`Context::now`]; a model that acts later says so
+/// in [`Model::next_event`] and is then called by [`Model::advance`].
+pub trait Model {
+    /// A read of `width` at `offset`, aligned to `width`. Unused high bits of the result are ignored.
+    fn read(&mut self, offset: u32, width: Width, ctx: &mut Context) -> u32;
+
+    /// A write of `width` at `offset`, aligned to `width`. `value` has no bits beyond `width`.
+    fn write(&mut self, offset: u32, width: Width, value: u32, ctx: &mut Context);
+
+    /// When the model next acts by itself; asked after every other call. In the past means at once.
+    fn next_event(&self) -> Option<Cycles> {
+        None
+    }
+
+    /// [`Model::next_event`] has come: `ctx.now` is at or after it. Must move its next event into the future.
+    fn advance(&mut self, _ctx: &mut Context) {}
+
+    /// The outside has changed [`Context::wires`], or a clock model has changed [`Context::clocks`].
+    fn notice(&mut self, _ctx: &mut Context) {}
+
+    /// Any reset of the chip but a power-on: by default everything starts over. `self` is then as constructed.
+    fn reset(&mut self, _cause: Reset, _ctx: &mut Context)
+    where
+        Self: Default,
+    {
+        *self = Self::default();
+    }
+}
+
+/// All peripheral models of a chip.
+#[derive(Clone, Debug)]
+pub struct Peripherals {
+    /// Divide and square root accelerator.
+    pub divas: Divas,
+    /// When each unit's model acts next, by unit number.
+    due: [Cycles; Unit::COUNT],
+}
+
+/// Evaluates `$body` with `$model` bound to the model of `$unit`, or `$absent` if the unit is not modelled.
+macro_rules! with_model {
+    ($self:ident, $unit:expr, $model:ident => $body:expr, else $absent:expr) => {
+        match $unit {
+            Unit::Divas => {
+                let $model = &mut $self.divas;
+                $body
+            }
+            _ => $absent,
+        }
+    };
+}
+
+impl Default for Peripherals {
+    fn default() -> Self {
+        Peripherals { divas: Divas::default(), due: [Cycles::NEVER; Unit::COUNT] }
+    }
+}
+
+impl Peripherals {
+    /// Reads through the bus. Anything wrong is reported; what faults also sets the context's bus error.
+    pub fn read(&mut self, address: u32, width: Width, ctx: &mut Context) -> u32 {
+        ctx.access = Some(Access { address, width, written: None });
+        let value = match self.decode(address, width, ctx) {
+            Some((unit, offset)) => {
+                let value = with_model!(self, unit, model => {
+                    let value = model.read(offset, width, ctx);
+                    self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                    value
+                }, else unmodelled(ctx));
+                value & width.mask()
+            }
+            None => 0,
+        };
+        self.finish(ctx);
+        value
+    }
+
+    /// Writes through the bus. Anything wrong is reported; what faults also sets the context's bus error.
+    pub fn write(&mut self, address: u32, width: Width, value: u32, ctx: &mut Context) {
+        let value = value & width.mask();
+        ctx.access = Some(Access { address, width, written: Some(value) });
+        if let Some((unit, offset)) = self.decode(address, width, ctx) {
+            with_model!(self, unit, model => {
+                model.write(offset, width, value, ctx);
+                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+            }, else {
+                unmodelled(ctx);
+            });
+        }
+        self.finish(ctx);
+    }
+
+    /// When the first model acts by itself.
+    pub fn next_event(&self) -> Cycles {
+        self.due.iter().copied().min().unwrap_or(Cycles::NEVER)
+    }
+
+    /// Lets every model act whose time has come.
+    pub fn advance(&mut self, ctx: &mut Context) {
+        for unit in Unit::ALL {
+            if self.due[unit as usize] <= ctx.now {
+                ctx.unit = Some(unit);
+                with_model!(self, unit, model => {
+                    model.advance(ctx);
+                    self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                }, else self.due[unit as usize] = Cycles::NEVER);
+            }
+        }
+        ctx.unit = None;
+    }
+
+    /// Tells every model that wires or clocks have changed.
+    pub fn notice(&mut self, ctx: &mut Context) {
+        for unit in Unit::ALL {
+            ctx.unit = Some(unit);
+            with_model!(self, unit, model => {
+                model.notice(ctx);
+                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+            }, else ());
+        }
+        ctx.unit = None;
+    }
+
+    /// Resets every model.
+    pub fn reset(&mut self, cause: Reset, ctx: &mut Context) {
+        for unit in Unit::ALL {
+            with_model!(self, unit, model => {
+                model.reset(cause, ctx);
+                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+            }, else ());
+        }
+    }
+
+    /// The unit that answers, after the checks every access has in common.
+    #[inline]
+    fn decode(&self, address: u32, width: Width, ctx: &mut Context) -> Option<(Unit, u32)> {
+        ctx.unit = None;
+        if !width.aligns(address) {
+            ctx.report(Kind::Unaligned);
+            ctx.fail_access();
+            return None;
+        }
+        let Some((unit, offset)) = Unit::at(address) else {
+            ctx.report(Kind::Unmapped);
+            ctx.fail_access();
+            return None;
+        };
+        ctx.unit = Some(unit);
+        if address >> 24 < 0x48 {
+            ctx.stall(u64::from(APB_WAIT * ctx.clocks.cpu_ticks));
+        }
+        if !ctx.clocks.bus_runs(unit) && !on_io_bus(address) {
+            ctx.report(Kind::Unclocked);
+            return None;
+        }
+        Some((unit, offset))
+    }
+
+    fn finish(&mut self, ctx: &mut Context) {
+        ctx.unit = None;
+        ctx.access = None;
+    }
+}
+
+/// No model: nothing that the firmware would do with a made-up answer is worth emulating.
+#[cold]
+fn unmodelled(ctx: &mut Context) -> u32 {
+    ctx.report(Kind::Unmodelled);
+    ctx.fail_access();
+    0
+}

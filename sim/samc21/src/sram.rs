@@ -1,0 +1,74 @@
+//! The 32 KiB of SRAM, shared by the CPU, the DMA controller and the CAN controllers.
+
+use crate::Width;
+
+/// First address.
+pub const BASE: u32 = 0x2000_0000;
+/// Bytes.
+pub const SIZE: usize = 32 * 1024;
+
+/// SRAM contents. Zero after power-on, though silicon promises nothing; kept over every other reset.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Sram(Box<[u8; SIZE]>);
+
+impl Default for Sram {
+    fn default() -> Self {
+        Sram(Box::new([0; SIZE]))
+    }
+}
+
+impl std::fmt::Debug for Sram {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Sram(..)")
+    }
+}
+
+impl Sram {
+    /// Whether `address` is in the SRAM.
+    #[inline(always)]
+    pub const fn contains(address: u32) -> bool {
+        address.wrapping_sub(BASE) < SIZE as u32
+    }
+
+    /// Reads at `address`, which the caller has checked for range and alignment. Higher address bits are ignored.
+    #[inline(always)]
+    pub fn read(&self, address: u32, width: Width) -> u32 {
+        match width {
+            Width::Byte => u32::from(self.0[address as usize & (SIZE - 1)]),
+            Width::Half => {
+                let at = address as usize & (SIZE - 2);
+                u32::from(u16::from_le_bytes([self.0[at], self.0[at + 1]]))
+            }
+            Width::Word => {
+                let at = address as usize & (SIZE - 4);
+                u32::from_le_bytes([self.0[at], self.0[at + 1], self.0[at + 2], self.0[at + 3]])
+            }
+        }
+    }
+
+    /// Writes at `address`, which the caller has checked for range and alignment. Higher address bits are ignored.
+    #[inline(always)]
+    pub fn write(&mut self, address: u32, width: Width, value: u32) {
+        match width {
+            Width::Byte => self.0[address as usize & (SIZE - 1)] = value as u8,
+            Width::Half => {
+                let at = address as usize & (SIZE - 2);
+                self.0[at..at + 2].copy_from_slice(&(value as u16).to_le_bytes());
+            }
+            Width::Word => {
+                let at = address as usize & (SIZE - 4);
+                self.0[at..at + 4].copy_from_slice(&value.to_le_bytes());
+            }
+        }
+    }
+
+    /// All bytes, for bus masters that move blocks and for tests.
+    pub fn bytes(&self) -> &[u8; SIZE] {
+        &self.0
+    }
+
+    /// All bytes, to change.
+    pub fn bytes_mut(&mut self) -> &mut [u8; SIZE] {
+        &mut self.0
+    }
+}
