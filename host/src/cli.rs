@@ -9,7 +9,9 @@ use sarah_sim::sensors::SensorConfig;
 use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
+use crate::bake::bake;
 use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
+use crate::flash::{self, BOARDS_FILE, Boards, FlashError, Job, Node, Tool};
 use crate::metrics::Summary;
 use crate::progress::Progress;
 use crate::report::{ControllerReport, Evaluation, headline};
@@ -39,6 +41,19 @@ enum Verb {
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
         --repeats 4 --seed 7 --json")]
     Evaluate(EvaluateArgs),
+    /// Work with parameter sets.
+    #[command(after_help = "Example:\n  sarah params bake runs/train-1")]
+    Params {
+        #[command(subcommand)]
+        verb: ParamsVerb,
+    },
+    /// Write an image onto a board, verify it, and let it run.
+    #[command(after_help = "Examples:\n  sarah flash --node knee                      the only board plugged in\n  \
+        sarah flash --node knee --probe ATML2130021800000001\n  \
+        sarah flash --all --boards boards.toml       all four, each by its probe\n  \
+        sarah flash --node knee --run                and show its logs\n  \
+        sarah flash --node knee --dry-run            only print the command")]
+    Flash(FlashArgs),
     /// Draw figures and write report.md again from a run's data, and print its tables.
     #[command(after_help = "Example:\n  sarah report runs/train-1")]
     Report {
@@ -123,6 +138,52 @@ struct EvaluateArgs {
     json: bool,
 }
 
+#[derive(Subcommand, Debug)]
+enum ParamsVerb {
+    /// Make a run's set the one the firmware is built with; takes effect with the next `cargo firmware`.
+    #[command(after_help = "Examples:\n  sarah params bake runs/train-1\n  \
+        sarah params bake my-params.toml --into default-params.toml")]
+    Bake {
+        /// A run folder, or a parameter file.
+        from: PathBuf,
+        /// The file the firmware is built from. Keeps its comments; [origin] is replaced.
+        #[arg(long, default_value = "default-params.toml")]
+        into: PathBuf,
+    },
+}
+
+#[derive(Args, Debug)]
+#[command(group(clap::ArgGroup::new("what").required(true).args(["node", "all", "elf"])))]
+struct FlashArgs {
+    /// Which image.
+    #[arg(long, value_enum)]
+    node: Option<Node>,
+    /// All four images, each onto its board.
+    #[arg(long, conflicts_with_all = ["probe", "run"])]
+    all: bool,
+    /// This very file.
+    #[arg(long)]
+    elf: Option<PathBuf>,
+    /// Serial number of the board's probe; without it the board map's, or the only board plugged in.
+    #[arg(long)]
+    probe: Option<String>,
+    /// Board map: which probe is which node's.
+    #[arg(long, default_value = BOARDS_FILE)]
+    boards: PathBuf,
+    /// Where the images lie.
+    #[arg(long, default_value = "target/thumbv6m-none-eabi/firmware")]
+    images: PathBuf,
+    /// What flashes.
+    #[arg(long, value_enum, default_value = "openocd")]
+    tool: Tool,
+    /// Show the image's logs afterwards, until Ctrl-C.
+    #[arg(long)]
+    run: bool,
+    /// Only print the command.
+    #[arg(long)]
+    dry_run: bool,
+}
+
 /// Why a command failed; one line each.
 #[derive(Debug, Error)]
 pub enum CliError {
@@ -144,6 +205,9 @@ pub enum CliError {
     /// A configuration.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// Flashing.
+    #[error(transparent)]
+    Flash(#[from] FlashError),
 }
 
 /// Does what the command line says.
@@ -151,6 +215,8 @@ pub fn main() -> Result<(), CliError> {
     match Cli::parse().verb {
         Verb::Train(args) => train_verb(args),
         Verb::Evaluate(args) => evaluate_verb(&args),
+        Verb::Params { verb: ParamsVerb::Bake { from, into } } => bake_verb(&from, &into),
+        Verb::Flash(args) => flash_verb(&args),
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;
@@ -218,6 +284,55 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     report.summary = summary;
     let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
     println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
+    Ok(())
+}
+
+fn bake_verb(from: &Path, into: &Path) -> Result<(), CliError> {
+    let baked = bake(from, into)?;
+    for (symbol, before, after) in &baked.changed {
+        let before = before.map_or("new".into(), |before| before.to_string());
+        println!("{symbol}: {before} -> {after}");
+    }
+    let count = baked.changed.len();
+    println!("{}: {count} changed, from {}; `cargo firmware` builds it in", into.display(), baked.from.display());
+    Ok(())
+}
+
+fn flash_verb(args: &FlashArgs) -> Result<(), CliError> {
+    let nodes = if args.all { Node::ALL.to_vec() } else { args.node.into_iter().collect() };
+    let map = if args.all || args.boards.exists() { Some(Boards::load(&args.boards)?) } else { None };
+    let mut jobs = vec![];
+    for node in &nodes {
+        let mapped = map.as_ref().map(|map| map.probe(*node, &args.boards).map(str::to_owned));
+        let probe = match args.probe.clone() {
+            Some(probe) => Some(probe),
+            None => mapped.transpose()?,
+        };
+        jobs.push((node.name().to_owned(), Job { elf: args.images.join(node.name()), probe }));
+    }
+    if let Some(elf) = &args.elf {
+        let name = elf.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // `cargo run` gives a path and no node: the image is named after its node.
+        let node = Node::ALL.into_iter().find(|node| node.name() == name);
+        let mapped = map.as_ref().zip(node).and_then(|(map, node)| map.probe(node, &args.boards).ok());
+        let probe = args.probe.clone().or(mapped.map(str::to_owned));
+        jobs.push((name, Job { elf: elf.clone(), probe }));
+    }
+    // All are looked at before the first is written.
+    let attached = flash::attached();
+    let jobs: Vec<_> =
+        jobs.into_iter().map(|(name, job)| Ok((name, job.checked(&attached)?))).collect::<Result<_, FlashError>>()?;
+    for (name, job) in jobs {
+        if args.dry_run {
+            let command = if args.run { args.tool.run(&job, 9090) } else { args.tool.flash(&job) };
+            println!("{}", flash::typed(&command));
+        } else if args.run {
+            job.run(args.tool)?;
+        } else {
+            job.flash(args.tool)?;
+            println!("{name}: written and verified");
+        }
+    }
     Ok(())
 }
 
