@@ -1,11 +1,37 @@
-//! Turns `default-params.toml` into a constant, checked with the very limits the robot enforces.
+//! Turns `default-params.toml` into a constant, checked with the very limits the robot enforces, and tells the linker
+//! how an image is laid out.
 
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sarah_protocol::params::{ParamSet, SPECS};
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    default_params(&out)?;
+    if std::env::var_os("CARGO_FEATURE_SAMC21").is_some() && std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
+        samc21_layout(&out)?;
+    }
+    Ok(())
+}
+
+/// Memory map and vector names where cortex-m-rt's script looks for them. The arguments are given here and not in
+/// `.cargo/config.toml`, so that a `RUSTFLAGS` in the environment cannot make an image that does not start.
+fn samc21_layout(out: &Path) -> Result<(), Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (from, to) in [("../memory.x", "memory.x"), ("src/board/samc21/device.x", "device.x")] {
+        let from = root.join(from);
+        println!("cargo::rerun-if-changed={}", from.display());
+        std::fs::copy(from, out.join(to))?;
+    }
+    println!("cargo::rustc-link-search={}", out.display());
+    for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
+        println!("cargo::rustc-link-arg-bins={argument}");
+    }
+    Ok(())
+}
+
+fn default_params(out: &Path) -> Result<(), Box<dyn Error>> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../default-params.toml");
     println!("cargo::rerun-if-changed={}", file.display());
     let table: toml::Table = std::fs::read_to_string(&file)?.parse()?;
@@ -20,6 +46,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     ParamSet::new(values).map_err(|error| format!("default-params.toml: {error}"))?;
     let source = format!("{values:?}");
-    std::fs::write(Path::new(&std::env::var("OUT_DIR")?).join("default_params.rs"), source)?;
+    std::fs::write(out.join("default_params.rs"), source)?;
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! The control code of the robot: pattern generators, nodes, coordinator. Pure, `no_std`, allocation-free.
 //!
 //! - [`attitude`]: which way is up. [`coordinator`]: IMU, parameter generations, arming, the host.
+//! - `board`: the chips it runs on (feature `samc21`).
 //! - [`calibration`]: converter readings and pulse widths in units.
 //! - [`lpg`]: the three local pattern generators and eq. 1 and 2.
 //! - [`node`]: a generator with its parameters on the bus. [`store`]: the set that survives a power cut.
@@ -9,6 +10,8 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod attitude;
+#[cfg(any(feature = "samc21", test))]
+pub mod board;
 pub mod calibration;
 pub mod coordinator;
 pub mod lpg;

@@ -1,0 +1,3 @@
+//! The boards the firmware runs on: everything between the pure library and the pins.
+
+pub mod samc21;
