@@ -40,8 +40,10 @@ pub mod facts;
 pub mod adc;
 pub mod clock;
 pub mod divas;
+pub mod dmac;
 pub mod nvmctrl;
 pub mod port;
+pub mod sercom;
 pub mod system;
 pub mod tc;
 pub mod tcc;
@@ -50,6 +52,7 @@ pub mod tcc;
 pub const BASES: &[(&str, usize)] = &[
     ("ADC0", adc::ADC0),
     ("DIVAS_IOBUS", divas::DIVAS_IOBUS),
+    ("DMAC", dmac::DMAC),
     ("GCLK", clock::GCLK),
     ("MCLK", clock::MCLK),
     ("NVMCTRL", nvmctrl::NVMCTRL),
@@ -58,6 +61,8 @@ pub const BASES: &[(&str, usize)] = &[
     ("PORT", port::PORT),
     ("PORT_IOBUS", port::PORT_IOBUS),
     ("RSTC", system::RSTC),
+    ("SERCOM1", sercom::SERCOM1),
+    ("SERCOM4", sercom::SERCOM4),
     ("TC0", tc::TC0),
     ("TC2", tc::TC2),
     ("TC4", tc::TC4),
