@@ -3,7 +3,7 @@
 use crate::clocks::Clocks;
 use crate::dma_trigger::DmaTrigger;
 use crate::irq::Irq;
-use crate::nvm::Nvm;
+use crate::nvm::{Nvm, ReadMode};
 use crate::reset::Reset;
 use crate::sram::Sram;
 use crate::symbols::Symbols;
@@ -31,7 +31,9 @@ pub struct Context {
     /// Functions of the image, for findings.
     pub symbols: Symbols,
     pub(crate) lines: u32,
-    pub(crate) lines_changed: bool,
+    /// The CPU must look at lines, calendar and requests before its next instruction.
+    pub(crate) attention: bool,
+    pub(crate) nmi: bool,
     pub(crate) pc: u32,
     pub(crate) access: Option<Access>,
     pub(crate) unit: Option<Unit>,
@@ -49,8 +51,14 @@ impl Context {
     #[inline]
     pub fn set_irq(&mut self, irq: Irq, asserted: bool) {
         let lines = if asserted { self.lines | irq.bit() } else { self.lines & !irq.bit() };
-        self.lines_changed |= lines != self.lines;
+        self.attention |= lines != self.lines;
         self.lines = lines;
+    }
+
+    /// Pends the non-maskable interrupt.
+    pub fn pend_nmi(&mut self) {
+        self.nmi = true;
+        self.attention = true;
     }
 
     /// Raises a DMA request; it stays until the DMA controller takes it.
@@ -82,7 +90,22 @@ impl Context {
     /// Asks for a reset at the end of the current instruction.
     pub fn request_reset(&mut self, cause: Reset) {
         self.reset_request = Some(cause);
-        self.lines_changed = true;
+        self.attention = true;
+    }
+
+    /// What a reset undoes here: lines, requests, clocks, flash timing, the chip's side of the wires.
+    pub(crate) fn reset(&mut self, cause: Reset) {
+        if cause.loses_sram() {
+            self.sram = Sram::default();
+        }
+        self.nvm.set_timing(0, ReadMode::NoMissPenalty);
+        self.clocks = Clocks::default();
+        self.wires.release();
+        self.lines = 0;
+        self.nmi = false;
+        self.bus_error = false;
+        self.reset_request = None;
+        self.dma_triggers = 0;
     }
 
     /// The bus access in progress, `None` while a model acts by itself.
@@ -94,7 +117,7 @@ impl Context {
     #[cold]
     pub fn report(&mut self, kind: Kind) {
         self.stop |= self.stop_at_violation;
-        self.lines_changed |= self.stop;
+        self.attention |= self.stop;
         self.violation_count += 1;
         if self.violations.len() < VIOLATIONS_KEPT {
             self.violations.push(Violation {

@@ -14,12 +14,17 @@
 //!
 //! Time is counted in [`Cycles`] of 48 MHz. A sleeping chip jumps to its next event.
 
+pub mod chip;
 pub mod clocks;
 pub mod context;
+pub mod cpu;
 pub mod dma_trigger;
+pub mod image;
 pub mod irq;
+pub mod machine;
 pub mod nvm;
 pub mod peripherals;
+pub mod profile;
 pub mod reset;
 pub mod sram;
 pub mod symbols;
@@ -29,11 +34,16 @@ pub mod violation;
 pub mod width;
 pub mod wires;
 
+pub use chip::{Chip, Stop};
 pub use clocks::{Clocks, Hertz};
 pub use context::Context;
+pub use cpu::Cpu;
 pub use dma_trigger::DmaTrigger;
+pub use image::{Image, ImageError};
 pub use irq::Irq;
+pub use machine::{Exchange, Machine};
 pub use peripherals::{Model, Peripherals};
+pub use profile::Profile;
 pub use reset::Reset;
 pub use time::Cycles;
 pub use unit::Unit;

@@ -59,6 +59,8 @@ pub struct Peripherals {
     pub divas: Divas,
     /// When each unit's model acts next, by unit number.
     due: [Cycles; Unit::COUNT],
+    /// The earliest of `due`.
+    next: Cycles,
 }
 
 /// Evaluates `$body` with `$model` bound to the model of `$unit`, or `$absent` if the unit is not modelled.
@@ -76,7 +78,7 @@ macro_rules! with_model {
 
 impl Default for Peripherals {
     fn default() -> Self {
-        Peripherals { divas: Divas::default(), due: [Cycles::NEVER; Unit::COUNT] }
+        Peripherals { divas: Divas::default(), due: [Cycles::NEVER; Unit::COUNT], next: Cycles::NEVER }
     }
 }
 
@@ -88,7 +90,8 @@ impl Peripherals {
             Some((unit, offset)) => {
                 let value = with_model!(self, unit, model => {
                     let value = model.read(offset, width, ctx);
-                    self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                    let due = model.next_event();
+                    self.schedule(unit, due, ctx);
                     value
                 }, else unmodelled(ctx));
                 value & width.mask()
@@ -106,7 +109,8 @@ impl Peripherals {
         if let Some((unit, offset)) = self.decode(address, width, ctx) {
             with_model!(self, unit, model => {
                 model.write(offset, width, value, ctx);
-                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                let due = model.next_event();
+                self.schedule(unit, due, ctx);
             }, else {
                 unmodelled(ctx);
             });
@@ -116,7 +120,15 @@ impl Peripherals {
 
     /// When the first model acts by itself.
     pub fn next_event(&self) -> Cycles {
-        self.due.iter().copied().min().unwrap_or(Cycles::NEVER)
+        self.next
+    }
+
+    /// A CPU store into non-volatile memory, which fills NVMCTRL's page buffer.
+    pub fn store_nvm(&mut self, address: u32, width: Width, value: u32, ctx: &mut Context) {
+        ctx.access = Some(Access { address, width, written: Some(value & width.mask()) });
+        ctx.unit = Some(Unit::Nvmctrl);
+        unmodelled(ctx);
+        self.finish(ctx);
     }
 
     /// Lets every model act whose time has come.
@@ -126,8 +138,9 @@ impl Peripherals {
                 ctx.unit = Some(unit);
                 with_model!(self, unit, model => {
                     model.advance(ctx);
-                    self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
-                }, else self.due[unit as usize] = Cycles::NEVER);
+                    let due = model.next_event();
+                    self.schedule(unit, due, ctx);
+                }, else ());
             }
         }
         ctx.unit = None;
@@ -139,7 +152,8 @@ impl Peripherals {
             ctx.unit = Some(unit);
             with_model!(self, unit, model => {
                 model.notice(ctx);
-                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                let due = model.next_event();
+                self.schedule(unit, due, ctx);
             }, else ());
         }
         ctx.unit = None;
@@ -150,7 +164,8 @@ impl Peripherals {
         for unit in Unit::ALL {
             with_model!(self, unit, model => {
                 model.reset(cause, ctx);
-                self.due[unit as usize] = model.next_event().unwrap_or(Cycles::NEVER);
+                let due = model.next_event();
+                self.schedule(unit, due, ctx);
             }, else ());
         }
     }
@@ -178,6 +193,18 @@ impl Peripherals {
             return None;
         }
         Some((unit, offset))
+    }
+
+    /// Enters a model's next event into the calendar, and has the CPU look at the calendar again if it changed.
+    #[inline]
+    fn schedule(&mut self, unit: Unit, due: Option<Cycles>, ctx: &mut Context) {
+        let due = due.unwrap_or(Cycles::NEVER);
+        let entry = &mut self.due[unit as usize];
+        if *entry != due {
+            *entry = due;
+            self.next = self.due.iter().copied().min().unwrap_or(Cycles::NEVER);
+            ctx.attention = true;
+        }
     }
 
     fn finish(&mut self, ctx: &mut Context) {

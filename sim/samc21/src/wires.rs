@@ -198,3 +198,16 @@ pub struct Wires {
     /// The outside has changed an input: set it after a change, so that edge-sensitive models look again.
     pub changed: bool,
 }
+
+impl Wires {
+    /// The chip lets go of everything it drives, as in reset. What the outside drives stays.
+    pub(crate) fn release(&mut self) {
+        for pins in &mut self.pins {
+            (pins.output, pins.output_level) = (0, 0);
+        }
+        self.pwm = Default::default();
+        for can in &mut self.can {
+            (can.timing, can.offered) = (None, None);
+        }
+    }
+}
