@@ -1,1 +1,21 @@
-fn main() {}
+//! The image of the hip node: LPG2.
+#![no_std]
+#![no_main]
+
+use sarah_firmware::board::samc21::node::{Board, Control};
+use sarah_firmware::board::samc21::wiring;
+use sarah_firmware::lpg::rules;
+use sarah_firmware::node::SwingNode;
+
+#[embassy_executor::task]
+async fn control(control: Control, node: SwingNode) -> ! {
+    control.run(node).await
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let board = Board::start(&wiring::HIP);
+    let config = board.config(sarah_firmware::default_params());
+    let node = SwingNode::new(wiring::HIP.id, config, rules::HIP);
+    board.run(|spawner, io| spawner.spawn(control(io, node).expect("spawned once")))
+}
