@@ -11,7 +11,7 @@
 //! | lost | what happens |
 //! |---|---|
 //! | host | the applied set stays; after `host_silence_us` it is flagged stale; after `host_fallback_us` the stored set is staged and takes over at a cycle boundary. Motion stays allowed: balancing needs no host |
-//! | IMU | halt, latched until armed |
+//! | IMU | no new cycle, the running one ends, then a halt, latched until armed |
 //! | a node, or a node restarts | halt, latched until armed; the applied set is staged anew |
 //! | emergency stop | halt, latched until cleared **and** armed |
 //!
@@ -151,8 +151,10 @@ impl Coordinator {
         self.lean = motion.lean;
         self.motion_sequence = self.motion_sequence.wrapping_add(1);
         motion.sequence = self.motion_sequence;
-        motion.mode = self.safety.next_motion();
-        bus.motion(motion);
+        if !self.safety.finishing() {
+            motion.mode = self.safety.next_motion();
+            bus.motion(motion);
+        }
     }
 
     /// A frame from the bus. What is not ours, or does not decode, is ignored: its sender repeats what matters.
@@ -217,7 +219,7 @@ impl Coordinator {
         if let Some(reason) = self.safety.advance(dt_us) {
             bus.halt(reason);
         }
-        self.watch_imu(bus, host);
+        self.watch_imu(host);
         if let Some(node) = self.nodes.newly_lost(self.config.node_silence_us) {
             self.event(Event::NodeLost(node), host);
             self.halt_if_armed(HaltReason::NodeFault, bus, host);
@@ -256,10 +258,11 @@ impl Coordinator {
         self.tick_us = self.tick_us.saturating_add(dt_us);
     }
 
-    fn watch_imu(&mut self, bus: &mut BusOutbox, host: &mut HostOutbox) {
+    fn watch_imu(&mut self, host: &mut HostOutbox) {
         let lost = self.imu_age.reached(self.config.imu_silence_us);
-        if lost && !self.imu_lost {
-            self.halt_if_armed(HaltReason::ImuLost, bus, host);
+        if lost && !self.imu_lost && self.safety.mode() == Mode::Armed {
+            self.safety.halt_after_cycle(HaltReason::ImuLost);
+            self.event(Event::Halted(HaltReason::ImuLost), host);
         }
         if self.imu_lost && !lost {
             self.event(Event::ImuBack, host);

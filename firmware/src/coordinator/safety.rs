@@ -3,9 +3,13 @@
 //! ```text
 //!             arm (ready, not stopped)
 //!   Braked ───────────────────────────► Armed
-//!     ▲  ◄── disarm, node fault, IMU lost ──┤        latched: needs a new arm
+//!     ▲  ◄── disarm, node fault ────────────┤        latched: needs a new arm
+//!     │  ◄── IMU lost: after the cycle ─────┤        latched: needs a new arm
 //!     └───── emergency stop ────────────────┘        latched: needs clear, then arm
 //! ```
+//!
+//! Braking a leg in mid-air is worse than setting it down. When the IMU falls silent so does the coordinator: the nodes
+//! start nothing new and the knee finishes its cycle; the halt follows when the longest cycle is over.
 //!
 //! After a halt the nodes unlatch only at a motion message that says braked, so a few of those go out before one may
 //! say armed again.
@@ -19,6 +23,9 @@ const BRAKED_MOTIONS: u8 = 3;
 /// A latched halt is repeated this often, µs: a node that missed it hears the next.
 const REPEAT_US: u32 = 100_000;
 
+/// The longest cycle: kick, retraction and extension, each at its time-out, µs.
+const FINISH_US: u32 = 1_100_000;
+
 /// The arming.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Safety {
@@ -29,19 +36,30 @@ pub struct Safety {
     autonomous: bool,
     braked_motions: u8,
     repeat: Age,
+    /// Left for the running cycle to end before the latched halt goes out, µs.
+    finishing_us: u32,
 }
 
 impl Safety {
     /// Braked. `autonomous`: may arm by itself once.
     pub const fn new(autonomous: bool) -> Self {
-        Safety { mode: Mode::Braked, stopped: false, latched: None, autonomous, braked_motions: 0, repeat: Age::NEVER }
+        Safety {
+            mode: Mode::Braked,
+            stopped: false,
+            latched: None,
+            autonomous,
+            braked_motions: 0,
+            repeat: Age::NEVER,
+            finishing_us: 0,
+        }
     }
 
     /// `dt_us` passed. A halt to repeat, if due.
     pub fn advance(&mut self, dt_us: u32) -> Option<HaltReason> {
         self.repeat.advance(dt_us);
+        self.finishing_us = self.finishing_us.saturating_sub(dt_us);
         let reason = self.latched?;
-        if self.repeat.due(REPEAT_US) {
+        if self.finishing_us == 0 && self.repeat.due(REPEAT_US) {
             self.braked_motions = 0;
             return Some(reason);
         }
@@ -56,12 +74,25 @@ impl Safety {
         self.autonomous = false;
         self.stopped |= stop;
         self.braked_motions = 0;
+        self.finishing_us = 0;
         if new {
             // The emergency stop outranks what was latched before; nothing outranks it.
             self.latched = Some(if self.stopped { HaltReason::EmergencyStop } else { reason });
             self.repeat.reset();
         }
         new
+    }
+
+    /// As [`Safety::halt`], but lets the running cycle end first: until then nothing may be said to the nodes.
+    pub fn halt_after_cycle(&mut self, reason: HaltReason) -> bool {
+        let new = self.halt(reason);
+        self.finishing_us = FINISH_US;
+        new
+    }
+
+    /// The running cycle is given time to end: the nodes must hear nothing.
+    pub const fn finishing(&self) -> bool {
+        self.finishing_us > 0
     }
 
     /// Clears the emergency stop; stays latched until armed. True if there was one.
@@ -80,6 +111,7 @@ impl Safety {
             return false;
         }
         self.latched = None;
+        self.finishing_us = 0;
         self.autonomous = false;
         self.mode = Mode::Armed;
         true

@@ -128,13 +128,17 @@ fn silence_of_hours_does_not_look_like_a_moment_when_the_clock_wraps() {
 }
 
 #[test]
-fn an_imu_that_stops_halts_and_needs_a_new_arm() {
+fn an_imu_that_stops_leaves_time_for_the_cycle_then_halts_and_needs_a_new_arm() {
     let mut rig = Rig::armed(config());
     rig.imu = false;
     rig.run(60);
+    assert!(rig.telemetry().faults & faults::IMU_LOST != 0);
+    assert_eq!(rig.coordinator.mode(), Mode::Braked);
+    rig.run(1_000);
+    assert!(rig.nodes.iter().all(|node| node.halts.is_empty()), "the cycle may end");
+    rig.run(200);
     assert!(!rig.moving());
     assert!(rig.nodes.iter().all(|node| node.halts.first() == Some(&HaltReason::ImuLost)));
-    assert!(rig.telemetry().faults & faults::IMU_LOST != 0);
     rig.imu = true;
     rig.run(1_000);
     assert!(!rig.moving());
@@ -142,6 +146,16 @@ fn an_imu_that_stops_halts_and_needs_a_new_arm() {
     rig.session.arm().expect("connected");
     rig.run(50);
     assert!(rig.moving());
+}
+
+#[test]
+fn an_emergency_stop_does_not_wait_for_the_cycle_of_a_lost_imu() {
+    let mut rig = Rig::armed(config());
+    rig.imu = false;
+    rig.run(100);
+    rig.session.e_stop();
+    rig.run(20);
+    assert!(rig.nodes.iter().all(|node| node.halts.first() == Some(&HaltReason::EmergencyStop)));
 }
 
 #[test]

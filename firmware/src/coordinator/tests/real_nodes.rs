@@ -11,14 +11,19 @@ struct Robot {
     bus: BusOutbox,
     host: HostOutbox,
     now: u32,
+    /// What the IMU says; `None`: nothing.
+    imu: Option<ImuSample>,
 }
+
+const REST: ImuSample = ImuSample { accel: [0, 0, 2048], gyro: [0; 3] };
 
 impl Robot {
     fn run(&mut self, millis: u32) {
         for _ in 0..millis {
             self.now = self.now.wrapping_add(1_000);
-            let rest = ImuSample { accel: [0, 0, 2048], gyro: [0; 3] };
-            self.coordinator.on_imu(self.now, &rest, &mut self.bus);
+            if let Some(sample) = self.imu {
+                self.coordinator.on_imu(self.now, &sample, &mut self.bus);
+            }
             self.coordinator.tick(self.now, &mut self.bus, &mut self.host);
             let mut frames = vec![];
             while let Some(frame) = self.bus.pop() {
@@ -52,6 +57,7 @@ fn robot(config: Config) -> Robot {
         bus: BusOutbox::new(),
         host: HostOutbox::new(),
         now: u32::MAX - 300_000,
+        imu: Some(REST),
     }
 }
 
@@ -84,4 +90,23 @@ fn real_nodes_halt_and_are_released_by_the_next_arming() {
     robot.run(100);
     assert_eq!(robot.coordinator.mode(), Mode::Armed);
     assert!(robot.coordinator.telemetry().limits.iter().all(|l| l & (limits::BRAKED | limits::HALTED) == 0));
+}
+
+#[test]
+fn a_step_under_way_is_finished_when_the_imu_falls_silent() {
+    let mut robot = robot(Config { arm_at_boot: true, ..config() });
+    robot.run(1_000);
+    // About 0.6 rad/s of roll: Factor passes its threshold and a cycle starts.
+    robot.imu = Some(ImuSample { gyro: [560, 0, 0], ..REST });
+    robot.run(60);
+    let cycling = |robot: &Robot| robot.coordinator.telemetry().phases[0] != 0;
+    assert!(cycling(&robot));
+    robot.imu = None;
+    robot.run(55);
+    assert_eq!(robot.coordinator.mode(), Mode::Braked);
+    assert!(cycling(&robot), "the loss is known, the leg is still being set down");
+    assert!(robot.coordinator.telemetry().limits[0] & limits::HALTED == 0);
+    robot.run(1_300);
+    assert!(!cycling(&robot));
+    assert!(robot.coordinator.telemetry().limits.iter().all(|l| l & limits::HALTED != 0));
 }
