@@ -1,4 +1,7 @@
-//! Fixtures: a simulated robot with its firmware and, at the other end of the line, a host session.
+//! Fixtures: a simulated robot with its firmware and, at the other end of the line, a host session. [`images`]: what is
+//! flashed, by its machine code.
+
+pub mod images;
 
 use sarah_firmware::default_params;
 use sarah_firmware::lpg::Drive;

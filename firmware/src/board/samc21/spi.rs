@@ -7,8 +7,9 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 
 use super::clocks::{self, CPU_HZ, Channel, Generator};
-use super::pins::{Function, Output, pa};
+use super::pins::Output;
 use super::regs::sercom::*;
+use super::wiring::{IMU_MISO, IMU_MOSI, IMU_SCK, IMU_SELECT};
 
 const RATE_HZ: u32 = 6_000_000;
 const BAUD: u32 = CPU_HZ / (2 * RATE_HZ) - 1;
@@ -37,13 +38,13 @@ fn sercom() -> MmioSpi<'static> {
 }
 
 impl Spi {
-    /// MISO PA16, select PA17, MOSI PA18, SCK PA19. Call once.
+    /// Sets the bus up, the device not selected. Call once.
     pub fn start() -> Spi {
         clocks::open_apb(|apb| apb.with_sercom1(true));
         clocks::feed(Channel::Sercom1Core, Generator::Cpu);
-        let select = Output::new(pa(17), true);
-        for pin in [pa(16), pa(18), pa(19)] {
-            pin.switch(Function::C);
+        let select = Output::new(IMU_SELECT.pin, true);
+        for wire in [IMU_MISO, IMU_MOSI, IMU_SCK] {
+            wire.pin.switch(wire.function);
         }
         let mut spi = sercom();
         spi.write_ctrla(SpiCtrlA::ZERO.with_swrst(true));

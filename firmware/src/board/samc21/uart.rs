@@ -17,9 +17,9 @@ use arbitrary_int::{u3, u13};
 
 use super::clocks::{self, CPU_HZ, Channel, Generator};
 use super::dma;
-use super::pins::{Function, pb};
 use super::regs::dmac::{Lvl, triggers};
 use super::regs::sercom::*;
+use super::wiring::{HOST_RX, HOST_TX};
 
 /// Bits per second.
 pub const BAUD: u32 = 1_000_000;
@@ -59,8 +59,9 @@ impl Uart {
     pub fn start() -> Option<Uart> {
         clocks::open_apb(|apb| apb.with_sercom4(true));
         clocks::feed(Channel::Sercom4Core, Generator::Cpu);
-        pb(10).switch(Function::D);
-        pb(11).switch(Function::D);
+        for wire in [HOST_TX, HOST_RX] {
+            wire.pin.switch(wire.function);
+        }
         let mut uart = sercom();
         uart.write_ctrla(UsartCtrlA::ZERO.with_swrst(true));
         while uart.read_syncbusy().swrst() {}
@@ -102,7 +103,7 @@ impl Uart {
             self.line_errors = self.line_errors.wrapping_add(1);
             uart.write_status(status);
         }
-        let arrived = RING - usize::from(self.rx.left_now()).min(RING);
+        let arrived = RING - usize::from(self.rx.left()).min(RING);
         let mut count = 0;
         for slot in into {
             if self.taken == arrived % RING {

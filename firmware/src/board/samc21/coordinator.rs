@@ -1,0 +1,316 @@
+//! The coordinator's image: what runs at which priority, and what passes between.
+//!
+//! ```text
+//!  TC4, 1 kHz ──► control task (interrupt executor)             thread executor
+//!                 IMU ► on_imu ► motion leaves at once           bus          CAN ─► FROM_BUS, TO_BUS ─► CAN
+//!                 frames ► on_bus, host bytes ► on_host_bytes     storing      STORE ─► flash ─► STORED
+//!                 tick ► frames for bus and host                  housekeeping watchdog, log, LED
+//! ```
+//!
+//! The coordinator belongs to the control task alone, so nothing is locked. The IMU comes first in every turn: what a
+//! host says, however much, is parsed when the motion is out, and at most [`HOST_BYTES`] of it in a turn.
+//!
+//! The library runs as in the simulator, in the same order; only the shell around it is ours.
+
+use cortex_m::peripheral::syst::SystClkSource;
+use embassy_executor::Executor;
+use embassy_futures::select::select3;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Ticker, Timer};
+use heapless::Vec;
+use sarah_protocol::bus::Frame;
+use sarah_protocol::params::ParamSet;
+use static_cell::StaticCell;
+
+use super::boot::BootReport;
+use super::can::Can;
+use super::nvm::Nvm;
+use super::spi::{Delay, Spi};
+use super::tick::{self, Ticks};
+use super::uart::Uart;
+use super::vitals::{Pulse, Vitals};
+use super::watchdog::Watchdog;
+use super::wiring::{COORDINATOR_ACCEPTS, LED};
+use super::{clocks, dma, executor, fault, log, time_driver};
+use crate::board::imu::Imu;
+use crate::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
+use crate::store::{Loaded, Slot, Step, Store};
+
+/// Between two turns of the control task: the IMU's rate.
+const PERIOD_US: u32 = 1_000;
+/// Host bytes parsed in a turn: somewhat more than come in one at 1 Mbaud.
+const HOST_BYTES: usize = 128;
+/// Frames taken from the bus in a turn: three nodes say less than one each.
+const FRAMES: usize = 8;
+/// Turns without a sample after which the IMU is set up anew, and again after as many.
+const IMU_PATIENCE: u32 = 100;
+/// Which board, for the hello.
+const BOARD: u8 = 1;
+
+static FROM_BUS: Channel<CriticalSectionRawMutex, Frame, 16> = Channel::new();
+/// Short, so that a halt does not wait behind what was queued before it.
+static TO_BUS: Channel<CriticalSectionRawMutex, Frame, 2> = Channel::new();
+static STORE: Signal<CriticalSectionRawMutex, (ParamSet, u32)> = Signal::new();
+static STORED: Signal<CriticalSectionRawMutex, (u32, bool)> = Signal::new();
+static CONTROL_PULSE: Pulse = Pulse::new();
+static BUS_PULSE: Pulse = Pulse::new();
+static LINK_PULSE: Pulse = Pulse::new();
+/// Turns without a sample.
+static BLIND: Pulse = Pulse::new();
+/// Frames from the bus that found the queue full. Everything that matters is repeated.
+static DROPPED: Pulse = Pulse::new();
+
+/// What a failed start could not set up.
+const NOT_TWICE: &str = "each peripheral is set up once";
+
+/// Sets everything up and runs. Call once, from `main`.
+pub fn run(build: [u8; 16]) -> ! {
+    log::start();
+    // SAFETY: the first to touch the core's peripherals.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    // Runs freely while the crystal starts: the source of the boot nonce.
+    core.SYST.set_clock_source(SystClkSource::Core);
+    core.SYST.set_reload(0x00ff_ffff);
+    core.SYST.clear_current();
+    core.SYST.enable_counter();
+    let report = fault::report(clocks::start());
+    core.SYST.disable_counter();
+    time_driver::start();
+    dma::start();
+    report.log("coordinator");
+
+    let nvm = Nvm::start();
+    let default = crate::default_params();
+    let (store, loaded) = Store::load(&nvm, &default);
+    tell(&loaded);
+    let can = Can::start(COORDINATOR_ACCEPTS).expect(NOT_TWICE);
+    let uart = Uart::start().expect(NOT_TWICE);
+    let imu = Imu::new(Spi::start());
+    let control = Control { ticks: Ticks::start(PERIOD_US), imu, uart, blind: IMU_PATIENCE };
+    static COORDINATOR: StaticCell<Coordinator> = StaticCell::new();
+    let config = config(&report, build, default, loaded.set);
+    let coordinator = COORDINATOR.init_with(|| Coordinator::new(config));
+
+    executor::start().spawn(turns(control, coordinator).expect(NOT_TWICE));
+    static SLOW: StaticCell<Executor> = StaticCell::new();
+    SLOW.init(Executor::new()).run(|spawner| {
+        spawner.spawn(bus(can).expect(NOT_TWICE));
+        spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
+        spawner.spawn(housekeeping(Watchdog::start()).expect(NOT_TWICE));
+    })
+}
+
+fn config(report: &BootReport, build: [u8; 16], default: ParamSet, stored: ParamSet) -> Config {
+    let identity = Identity { boot_nonce: report.nonce, board: BOARD, build, reset_cause: report.cause };
+    Config { imu_period_us: PERIOD_US, ..Config::new(identity, default, stored) }
+}
+
+/// Says which set was loaded, and why the other slot was not.
+fn tell(loaded: &Loaded) {
+    let [a, b] = loaded.slots.map(|slot| slot.words());
+    match loaded.from {
+        Some((slot, kept)) => {
+            let name = if slot == Slot::A { "A" } else { "B" };
+            defmt::info!("parameters: slot {=str}, stored as generation {=u32}", name, kept.generation);
+        }
+        None => defmt::warn!("parameters: the built-in set"),
+    }
+    defmt::info!("slot A: {=str}; slot B: {=str}", a, b);
+}
+
+/// The control task's peripherals.
+struct Control {
+    ticks: Ticks,
+    imu: Imu<Spi>,
+    uart: Uart,
+    /// Turns since the last sample.
+    blind: u32,
+}
+
+impl Control {
+    fn sample(&mut self) -> Option<ImuSample> {
+        let sample = self.imu.read().ok();
+        match sample {
+            Some(_) => self.blind = 0,
+            None => {
+                BLIND.beat();
+                self.blind += 1;
+            }
+        }
+        if self.blind > IMU_PATIENCE {
+            // Takes two turns, in which nothing moves: the coordinator has long halted.
+            self.blind = 0;
+            let _ = self.imu.start(&mut Delay);
+        }
+        sample
+    }
+}
+
+/// What came in since the last turn.
+struct Inbox {
+    sample: Option<ImuSample>,
+    frames: Vec<Frame, FRAMES>,
+    bytes: [u8; HOST_BYTES],
+    count: usize,
+    stored: Option<(u32, bool)>,
+}
+
+/// What goes out.
+struct Outboxes {
+    bus: BusOutbox,
+    host: HostOutbox,
+}
+
+/// Everything of a turn that is not the board's. A function of its own, so that the images can be searched for what is
+/// reachable from it.
+#[inline(never)]
+fn control_tick(coordinator: &mut Coordinator, now_us: u32, inbox: &Inbox, out: &mut Outboxes) -> Option<Action> {
+    let Outboxes { bus, host } = out;
+    for frame in &inbox.frames {
+        coordinator.on_bus(now_us, frame, bus, host);
+    }
+    let bytes = inbox.bytes.get(..inbox.count).unwrap_or_default();
+    coordinator.on_host_bytes(now_us, bytes, bus, host);
+    if let Some((generation, ok)) = inbox.stored {
+        coordinator.on_stored(generation, ok, host);
+    }
+    coordinator.tick(now_us, bus, host)
+}
+
+/// The part that must not wait for anything.
+#[inline(never)]
+fn imu_tick(coordinator: &mut Coordinator, now_us: u32, sample: &ImuSample, bus: &mut BusOutbox) {
+    coordinator.on_imu(now_us, sample, bus);
+}
+
+fn flush(bus: &mut BusOutbox) {
+    while !TO_BUS.is_full() {
+        let Some(frame) = bus.pop() else { break };
+        // There is room: this task alone sends.
+        let _ = TO_BUS.try_send(frame);
+    }
+}
+
+#[embassy_executor::task]
+async fn turns(mut io: Control, coordinator: &'static mut Coordinator) -> ! {
+    static OUT: StaticCell<Outboxes> = StaticCell::new();
+    static IN: StaticCell<Inbox> = StaticCell::new();
+    let out = OUT.init_with(|| Outboxes { bus: BusOutbox::new(), host: HostOutbox::new() });
+    let inbox =
+        IN.init_with(|| Inbox { sample: None, frames: Vec::new(), bytes: [0; HOST_BYTES], count: 0, stored: None });
+    loop {
+        io.ticks.next().await;
+        let now_us = Instant::now().as_micros() as u32;
+        inbox.sample = io.sample();
+        if let Some(sample) = &inbox.sample {
+            imu_tick(coordinator, now_us, sample, &mut out.bus);
+            flush(&mut out.bus);
+        }
+        inbox.frames.clear();
+        while !inbox.frames.is_full() {
+            let Ok(frame) = FROM_BUS.try_receive() else { break };
+            let _ = inbox.frames.push(frame);
+        }
+        inbox.count = io.uart.read(&mut inbox.bytes);
+        inbox.stored = STORED.try_take();
+        if let Some(Action::Store(set, generation)) = control_tick(coordinator, now_us, inbox, out) {
+            STORE.signal((set, generation));
+        }
+        flush(&mut out.bus);
+        // A frame is out within three turns; a link that stays busy is dead, and so is its pulse.
+        if io.uart.is_free() {
+            LINK_PULSE.beat();
+            if let Some(frame) = out.host.pop() {
+                io.uart.send(&frame);
+            }
+        }
+        CONTROL_PULSE.beat();
+    }
+}
+
+/// The longest the bus task sleeps: an empty bus is no reason to look dead.
+const BUS_IDLE: Duration = Duration::from_millis(10);
+
+#[embassy_executor::task]
+async fn bus(mut can: Can) -> ! {
+    let mut unsent: Option<Frame> = None;
+    loop {
+        let work = core::future::poll_fn(|context| match unsent {
+            // Room in the controller comes with an event.
+            Some(_) => core::task::Poll::Pending,
+            None => TO_BUS.poll_ready_to_receive(context),
+        });
+        select3(can.event(), work, Timer::after(BUS_IDLE)).await;
+        while let Some(frame) = can.receive() {
+            if FROM_BUS.try_send(frame).is_err() {
+                DROPPED.beat();
+            }
+        }
+        while let Some(frame) = unsent.take().or_else(|| TO_BUS.try_receive().ok()) {
+            if let Err(frame) = can.send(frame) {
+                unsent = Some(frame);
+                break;
+            }
+        }
+        can.recover();
+        BUS_PULSE.beat();
+    }
+}
+
+/// Between two steps of a write; the longest operation takes six.
+const STEP: Duration = Duration::from_millis(1);
+
+#[embassy_executor::task]
+async fn storing(mut store: Store, mut nvm: Nvm, build: [u8; 16]) -> ! {
+    loop {
+        let (set, generation) = STORE.wait().await;
+        store.write(&set, generation, build);
+        loop {
+            match store.step(&mut nvm) {
+                Step::Busy => Timer::after(STEP).await,
+                Step::Stored { generation } => {
+                    STORED.signal((generation, true));
+                    break;
+                }
+                Step::Failed { generation, .. } => {
+                    defmt::error!("parameters: generation {=u32} could not be stored", generation);
+                    STORED.signal((generation, false));
+                    break;
+                }
+                Step::Idle => break,
+            }
+        }
+    }
+}
+
+/// Between two looks at the vitals.
+const LOOK: Duration = Duration::from_millis(10);
+/// Looks between two lines of log.
+const LOOKS_PER_LINE: u32 = 100;
+
+#[embassy_executor::task]
+async fn housekeeping(mut watchdog: Watchdog) -> ! {
+    LED.pin.switch(LED.function);
+    let mut vitals = Vitals::new();
+    let mut ticker = Ticker::every(LOOK);
+    let mut looks = 0_u32;
+    loop {
+        ticker.next().await;
+        if vitals.all_alive([CONTROL_PULSE.count(), BUS_PULSE.count(), LINK_PULSE.count()]) {
+            watchdog.feed();
+        }
+        looks = looks.wrapping_add(1);
+        LED.pin.set(looks / 50 % 2 == 0);
+        if looks % LOOKS_PER_LINE == 0 {
+            defmt::info!(
+                "{=u32} turns, {=u32} late, {=u32} without IMU; {=u32} frames dropped",
+                tick::raised(),
+                tick::overruns(),
+                BLIND.count(),
+                DROPPED.count(),
+            );
+        }
+    }
+}
