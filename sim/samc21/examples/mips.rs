@@ -4,8 +4,8 @@
 //! states, and prints millions of instructions and cycles per second of one thread: the best of five runs, and the
 //! median.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
+#[path = "../tests/support/build.rs"]
+mod build;
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ const RUN: Cycles = Cycles::from_millis(2000);
 
 fn main() {
     for (name, flags) in [("Factor, DIVAS", &[][..]), ("Factor, division in software", &["--cfg=soft_division"])] {
-        let image = support::build("factor", flags);
+        let image = build::build("factor", flags);
         let mut runs: Vec<_> = (0..5).map(|_| run(&image)).collect();
         runs.sort_by(|a, b| b.0.total_cmp(&a.0));
         println!(

@@ -1,7 +1,7 @@
 //! Integer workload for speed measurements, shaped like the LPGs' Factor: table look-up with interpolation, 64-bit
 //! products, a division (by DIVAS on its I/O bus, or with `--cfg soft_division` by the CPU), a Newton step.
 //!
-//! Repeats for ever; `ROUNDS` counts, `SUM` accumulates the results.
+//! Repeats for ever; `ROUNDS` counts, then `SUM` has the results so far.
 #![no_std]
 #![no_main]
 
@@ -23,10 +23,8 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     loop {}
 }
 
-#[unsafe(no_mangle)]
-static mut ROUNDS: u32 = 0;
-#[unsafe(no_mangle)]
-static mut SUM: u32 = 0;
+const ROUNDS: *mut u32 = 0x2000_0000 as *mut u32;
+const SUM: *mut u32 = 0x2000_0004 as *mut u32;
 
 /// exp2(-i/256) in Q30.
 static EXP2_NEG: [u32; 257] = {
@@ -91,10 +89,10 @@ extern "C" fn start() -> ! {
         let rotation = (rounds.wrapping_mul(12_345) >> 8 & 0x3_ffff) as i32;
         sum = sum.wrapping_add(factor(acceleration, rotation));
         rounds = rounds.wrapping_add(1);
-        // SAFETY: single-threaded, no interrupts.
+        // SAFETY: two words of SRAM that nothing else uses.
         unsafe {
-            (&raw mut ROUNDS).write_volatile(rounds);
-            (&raw mut SUM).write_volatile(sum);
+            ROUNDS.write_volatile(rounds);
+            SUM.write_volatile(sum);
         }
     }
 }
