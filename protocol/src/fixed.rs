@@ -29,8 +29,22 @@ impl Q16 {
 
     /// Nearest step to `value`; saturates, and NaN becomes 0 (parameters are checked for NaN before they get here).
     pub fn from_f32(value: f32) -> Q16 {
-        let scaled = value as f64 * 65536.0;
-        Q16(if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 } as i32)
+        // In integers: it runs when a generation changes, within the tick, and the chip has no floating point.
+        let bits = value.to_bits();
+        let exponent = (bits >> 23 & 0xff) as i32;
+        let fraction = u64::from(bits & 0x7f_ffff | 0x80_0000);
+        // The value is fraction · 2^(exponent − 150).
+        let half_steps = match exponent - 150 + 17 {
+            // Infinity has no fraction, a NaN has.
+            122.. if bits & 0x7f_ffff != 0 && exponent == 0xff => return Q16::ZERO,
+            shift @ 0..=31 => fraction << shift,
+            32.. => u64::MAX,
+            shift @ -31..0 => fraction >> -shift,
+            _ => 0,
+        };
+        let steps = half_steps / 2 + half_steps % 2;
+        let signed = steps.min(1 << 31) as i64;
+        Q16(saturate(if bits >> 31 == 1 { -signed } else { signed }))
     }
 
     /// The value as `f32`; exact up to 24 significant bits.
@@ -126,5 +140,16 @@ mod tests {
         assert_eq!(Q16::from_f32(f32::INFINITY), Q16::MAX);
         assert_eq!(Q16::from_f32(f32::NAN), Q16::ZERO);
         assert_eq!(Q16::from_f32(-0.25).to_f32(), -0.25);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn floats_convert_as_in_exact_arithmetic(bits: u32, near_one in -40_000.0_f32..40_000.0) {
+            for value in [f32::from_bits(bits), near_one, near_one / 65536.0] {
+                let scaled = f64::from(value) * 65536.0;
+                let nearest = if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 } as i32;
+                proptest::prop_assert_eq!(Q16::from_f32(value).0, nearest, "{}", value);
+            }
+        }
     }
 }

@@ -161,15 +161,17 @@ impl Knee {
         let loaded = inputs.load.map(|force| force > self.rules.loaded_n);
         let motion = inputs.motion;
         self.factor_q30 = factor::factor(divider, motion.acceleration, motion.rotation);
-        let xi = [0, 1].map(|axis: usize| self.xi(motion, axis));
+        let ([rate_x, rate_y], [lean_x, lean_y]) = (motion.rate, motion.lean);
+        let xi = [self.xi(rate_x, lean_x), self.xi(rate_y, lean_y)];
 
         if self.phase == Phase::Idle
             && inputs.may_start
             && let Some(swing) = self.start(loaded, xi)
         {
             self.swing = swing;
-            self.step =
-                factor::q30_to_q16(factor::step(divider, self.factor_q30)).clamp(self.rules.step.0, self.rules.step.1);
+            // `clamp` would panic on a range upside down, and with it the panic machinery would be linked into the tick.
+            let (shortest, longest) = self.rules.step;
+            self.step = factor::q30_to_q16(factor::step(divider, self.factor_q30)).max(shortest).min(longest);
             self.lifted = false;
             self.airborne = false;
             self.counted = false;
@@ -229,8 +231,8 @@ impl Knee {
     }
 
     /// ξ along one axis: where the fall is heading, rad/s.
-    fn xi(&self, motion: &Motion, axis: usize) -> Q16 {
-        motion.rate[axis] + self.rules.pendulum.times(motion.lean[axis])
+    fn xi(&self, rate: Q16, lean: Q16) -> Q16 {
+        rate + self.rules.pendulum.times(lean)
     }
 
     /// The leg to swing if a cycle starts now.

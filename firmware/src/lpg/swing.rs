@@ -152,11 +152,11 @@ impl Swing {
         let size = x.abs();
         let reach = params.quadratic.times(size.times(size)) + params.linear.times(size) + rules.constant;
         if !rules.outward_only {
-            return reach.clamp(-rules.reach, rules.reach).signed(x.signum());
+            return reach.max(-rules.reach).min(rules.reach).signed(x.signum());
         }
         let outward = self.leg.sign();
         let with_fall = x.signum() == outward;
         let angle = if with_fall { reach } else { rules.opposite.times(size) };
-        angle.clamp(Q16::ZERO, rules.reach).signed(outward)
+        angle.max(Q16::ZERO).min(rules.reach).signed(outward)
     }
 }

@@ -14,13 +14,12 @@ use arbitrary_int::{u3, u5, u6};
 use super::clocks::{self, Channel, Generator};
 use super::dma;
 use super::regs::adc::*;
+use super::regs::dmac::{Lvl, triggers};
 use super::wiring::{ANALOGUE, INPUTS};
 use crate::calibration::Counts;
 
 /// The DMA channel of the scan.
 const DMA_CHANNEL: u8 = 0;
-/// Its trigger: a result is ready.
-const RESULT_READY: u8 = 42;
 
 struct Buffer(UnsafeCell<[u16; INPUTS]>);
 // SAFETY: written by DMA during a scan, read by the one scanner between scans.
@@ -74,7 +73,7 @@ impl Scanner {
         while adc.read_syncbusy().enable() {}
 
         // SAFETY: this channel is used here alone.
-        let dma = unsafe { dma::Channel::new(DMA_CHANNEL, RESULT_READY) }?;
+        let dma = unsafe { dma::Channel::new(DMA_CHANNEL, triggers::ADC0_RESRDY, Lvl::Lvl3) }?;
         let mut scanner = Scanner { dma, inputs: inputs as u16, latest: Counts::default(), missed: 0 };
         scanner.begin();
         Some(scanner)

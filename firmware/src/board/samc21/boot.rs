@@ -96,6 +96,31 @@ pub struct BootReport {
     pub nonce: u32,
 }
 
+#[cfg(target_os = "none")]
+impl BootReport {
+    /// Logs it under a name.
+    pub fn log(&self, name: &str) {
+        let cause = match self.cause {
+            ResetCause::Unknown => "unknown",
+            ResetCause::PowerOn => "power on",
+            ResetCause::BrownOut => "brown-out",
+            ResetCause::External => "reset pin",
+            ResetCause::Watchdog => "watchdog",
+            ResetCause::Software => "software",
+        };
+        defmt::info!("{=str}: reset by {=str}, nonce {=u32:#x}", name, cause, self.nonce);
+        if self.clock == ClockSource::Internal {
+            defmt::error!("the crystal did not start: running from OSC48M, the bus may fail");
+        }
+        match self.fault {
+            Some(Fault::Panic { line }) => defmt::error!("before: panic at line {=u32}", line),
+            Some(Fault::HardFault { pc }) => defmt::error!("before: HardFault at {=u32:#x}", pc),
+            Some(Fault::Stray { line }) => defmt::error!("before: stray interrupt {=i32}", line),
+            None => {}
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

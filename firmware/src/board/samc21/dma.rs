@@ -57,7 +57,8 @@ pub fn start() {
     while dmac.read_ctrl().swrst() {}
     dmac.write_baseaddr(DESCRIPTORS.0.get() as u32);
     dmac.write_wrbaddr(PROGRESS.0.get() as u32);
-    dmac.write_ctrl(Ctrl::ZERO.with_lvlen0(true).with_dmaenable(true));
+    let levels = Ctrl::ZERO.with_lvlen0(true).with_lvlen1(true).with_lvlen2(true).with_lvlen3(true);
+    dmac.write_ctrl(levels.with_dmaenable(true));
 }
 
 /// One channel. Whoever makes it owns it.
@@ -66,12 +67,11 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Channel `number`, below [`CHANNELS`], moving one beat per `trigger` (a number of `[dma_triggers]`). Among
-    /// channels that want to move at once, the lowest number wins.
+    /// Channel `number`, below [`CHANNELS`], moving one beat per `trigger`.
     ///
     /// # Safety
     /// Nobody else uses this channel.
-    pub unsafe fn new(number: u8, trigger: u8) -> Option<Channel> {
+    pub unsafe fn new(number: u8, trigger: u6, level: Lvl) -> Option<Channel> {
         if usize::from(number) >= CHANNELS {
             return None;
         }
@@ -79,8 +79,8 @@ impl Channel {
         channel.with(|dmac| {
             dmac.write_chctrla(ChCtrlA::ZERO.with_swrst(true));
             while dmac.read_chctrla().swrst() {}
-            let trigger = u6::new(trigger & 63);
-            dmac.write_chctrlb(ChCtrlB::ZERO.with_trigsrc(trigger).with_trigact(TrigAct::Beat));
+            let control = ChCtrlB::ZERO.with_lvl(level).with_trigsrc(trigger).with_trigact(TrigAct::Beat);
+            dmac.write_chctrlb(control);
         });
         Some(channel)
     }

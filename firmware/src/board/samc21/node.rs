@@ -2,60 +2,51 @@
 //!
 //! ```text
 //!  TC4, 10 kHz ──► control task (interrupt executor)          bus task, housekeeping (thread executor)
-//!                  collect scan ► Node::tick ► outputs         CAN frames ► Message::decode ─► TO_NODE
-//!                  one message ► Node::on_message              TO_BUS ─► Message::encode ► CAN frames
-//!                  begin scan                                  watchdog, log, LED
+//!                  collect scan ► Node::tick ► outputs        CAN frames ► Message::decode ─► TO_NODE
+//!                  begin scan                                 TO_BUS ─► Message::encode ► CAN frames
+//!                  one message ► Node::on_message             watchdog, log, LED
 //! ```
 //!
 //! Encoding, decoding and logging never run at the control task's priority. The node belongs to the control task alone,
 //! so nothing is locked; a message waits for the end of a tick, 100 µs at most.
 
+use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::Poll;
 
 use cortex_m::peripheral::syst::SystClkSource;
-use embassy_executor::{Executor, InterruptExecutor, SendSpawner};
+use embassy_executor::{Executor, SendSpawner};
 use embassy_futures::select::select3;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
+use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use sarah_protocol::bus::{Frame, Message};
 use sarah_protocol::params::ParamSet;
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 use super::adc::Scanner;
 use super::boot::BootReport;
 use super::can::Can;
 use super::divider::Divas;
 use super::outputs::{self, Outputs};
+use super::queue::{Queue, Receiver, Sender};
 use super::tick::{self, Ticks};
-use super::vectors::{interrupt, priority};
 use super::vitals::{Pulse, Vitals};
 use super::watchdog::Watchdog;
 use super::wiring::{LED, NODE_ACCEPTS, NodeBoard};
-use super::{clocks, dma, fault, log, time_driver};
+use super::{clocks, dma, executor, fault, log, time_driver};
 use crate::node::{Node, NodeConfig};
 
-static TO_NODE: Channel<CriticalSectionRawMutex, Message, 8> = Channel::new();
-static TO_BUS: Channel<CriticalSectionRawMutex, Message, 16> = Channel::new();
+/// Received, for the node.
+static TO_NODE: ConstStaticCell<Queue<Message, 8>> = ConstStaticCell::new(Queue::new());
+/// From the node, to be sent: two ticks of the busiest kind.
+static TO_BUS: ConstStaticCell<Queue<Message, 16>> = ConstStaticCell::new(Queue::new());
+/// Wakes the bus task.
+static BUS_WAKER: AtomicWaker = AtomicWaker::new();
 static CONTROL_PULSE: Pulse = Pulse::new();
 static BUS_PULSE: Pulse = Pulse::new();
-/// Messages that found a queue full; wraps. Everything that matters is repeated.
-static DROPPED: AtomicU32 = AtomicU32::new(0);
-static CONTROL: InterruptExecutor = InterruptExecutor::new();
-
-/// The control task's executor runs in the line of a peripheral this firmware does not use.
-#[cortex_m_rt::interrupt]
-fn PTC() {
-    // SAFETY: called from its interrupt, which is enabled by `CONTROL.start`.
-    unsafe { CONTROL.on_interrupt() }
-}
-
-/// Counts a message that was not taken.
-fn count_drop<T, E>(result: Result<T, E>) {
-    if result.is_err() {
-        critical_section::with(|_| DROPPED.store(DROPPED.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed));
-    }
-}
+/// Messages of the node, and for it, that found a queue full; each wraps. What matters is repeated.
+static UNSENT: Pulse = Pulse::new();
+static UNHEARD: Pulse = Pulse::new();
 
 /// A node board, set up and braked; nothing runs yet.
 pub struct Board {
@@ -63,7 +54,7 @@ pub struct Board {
     /// Why it started.
     pub report: BootReport,
     control: Control,
-    can: Can,
+    bus: BusEnds,
     divider: Option<Divas>,
 }
 
@@ -92,8 +83,10 @@ impl Board {
         // SAFETY: the one call; the knee's control task alone divides.
         let divider = Some(unsafe { Divas::start() });
         let ticks = Ticks::start(tick::NODE_US);
-        let control = Control { board, ticks, scanner, outputs };
-        Board { board, report, control, can, divider }
+        let (to_bus, from_node) = TO_BUS.take().split();
+        let (to_node, from_bus) = TO_NODE.take().split();
+        let control = Control { board, ticks, scanner, outputs, to_bus, from_bus };
+        Board { board, report, control, bus: BusEnds { can, to_node, from_node }, divider }
     }
 
     /// What the node is born with.
@@ -108,70 +101,99 @@ impl Board {
 
     /// Starts all tasks; `spawn` starts the control task.
     pub fn run(self, spawn: impl FnOnce(SendSpawner, Control)) -> ! {
-        let Board { board, report, control, can, .. } = self;
-        defmt::info!("{=str}: started, {}", board.joints, defmt::Debug2Format(&report));
-        // SAFETY: before the executor starts; no critical section relies on this priority.
-        unsafe { cortex_m::Peripherals::steal().NVIC.set_priority(interrupt::PTC, priority::CONTROL) };
-        spawn(CONTROL.start(interrupt::PTC), control);
+        let Board { board, report, control, bus: ends, .. } = self;
+        report.log(board.joints);
+        spawn(executor::start(), control);
         static SLOW: StaticCell<Executor> = StaticCell::new();
         SLOW.init(Executor::new()).run(|spawner| {
-            spawner.spawn(bus(can).expect(NOT_TWICE));
+            spawner.spawn(bus(ends).expect(NOT_TWICE));
             spawner.spawn(housekeeping(Watchdog::start()).expect(NOT_TWICE));
         })
     }
 }
 
-/// The control task's peripherals.
+/// The control task's peripherals and its ends of the queues.
 pub struct Control {
     board: &'static NodeBoard,
     ticks: Ticks,
     scanner: Scanner,
     outputs: Outputs,
+    to_bus: Sender<'static, Message, 16>,
+    from_bus: Receiver<'static, Message, 8>,
 }
 
 impl Control {
     /// The control loop, for ever.
     pub async fn run<N: Node>(mut self, mut node: N) -> ! {
-        let calibration = &self.board.calibration;
         loop {
             let dt_us = self.ticks.next().await;
-            let sensors = calibration.sensors(&self.scanner.collect());
-            let out = node.tick(dt_us, &sensors);
-            self.outputs.set(out.drive.map(|drive| calibration.command(drive)));
-            for message in out.messages {
-                count_drop(TO_BUS.try_send(message));
-            }
-            self.scanner.begin();
-            if let Ok(message) = TO_NODE.try_receive()
-                && let Some(answer) = node.on_message(&message)
-            {
-                count_drop(TO_BUS.try_send(answer));
+            let spoke = control_tick(&mut self, &mut node, dt_us);
+            if spoke {
+                BUS_WAKER.wake();
             }
             CONTROL_PULSE.beat();
         }
     }
+
+    fn say(&mut self, message: Message) {
+        if self.to_bus.send(message).is_err() {
+            UNSENT.beat();
+        }
+    }
+}
+
+/// One tick; whether there is something to send. A function of its own, so that the images can be searched for what is
+/// reachable from it.
+#[inline(never)]
+fn control_tick<N: Node>(io: &mut Control, node: &mut N, dt_us: u32) -> bool {
+    let calibration = &io.board.calibration;
+    let sensors = calibration.sensors(&io.scanner.collect());
+    let out = node.tick(dt_us, &sensors);
+    io.outputs.set(out.drive.map(|drive| calibration.command(drive)));
+    io.scanner.begin();
+    let mut spoke = !out.messages.is_empty();
+    for message in &out.messages {
+        io.say(*message);
+    }
+    if let Some(message) = io.from_bus.receive()
+        && let Some(answer) = node.on_message(&message)
+    {
+        io.say(answer);
+        spoke = true;
+    }
+    spoke
+}
+
+/// The bus task's controller and its ends of the queues.
+struct BusEnds {
+    can: Can,
+    to_node: Sender<'static, Message, 8>,
+    from_node: Receiver<'static, Message, 16>,
 }
 
 /// The longest the bus task sleeps: an empty bus is no reason to look dead.
 const BUS_IDLE: Duration = Duration::from_millis(10);
 
 #[embassy_executor::task]
-async fn bus(mut can: Can) -> ! {
+async fn bus(ends: BusEnds) -> ! {
+    let BusEnds { mut can, mut to_node, mut from_node } = ends;
     let mut unsent: Option<Frame> = None;
     loop {
-        let work = core::future::poll_fn(|context| match unsent {
-            // Room in the controller comes with an event.
-            Some(_) => core::task::Poll::Pending,
-            None => TO_BUS.poll_ready_to_receive(context),
+        let work = poll_fn(|context| {
+            BUS_WAKER.register(context.waker());
+            // With a frame waiting for room, room comes with an event of the controller.
+            if unsent.is_none() && !from_node.is_empty() { Poll::Ready(()) } else { Poll::Pending }
         });
         select3(can.event(), work, Timer::after(BUS_IDLE)).await;
         while let Some(frame) = can.receive() {
             // What does not decode is dropped, as in the simulator.
-            if let Ok(message) = Message::decode(&frame) {
-                count_drop(TO_NODE.try_send(message));
+            if let Ok(message) = Message::decode(&frame)
+                && to_node.send(message).is_err()
+            {
+                UNHEARD.beat();
             }
         }
-        while let Some(frame) = unsent.take().or_else(|| TO_BUS.try_receive().ok().map(|message| message.encode())) {
+        while let Some(frame) = unsent.take().or_else(|| from_node.receive().map(|message| message.encode())) {
             if let Err(frame) = can.send(frame) {
                 unsent = Some(frame);
                 break;
@@ -213,11 +235,11 @@ async fn housekeeping(mut watchdog: Watchdog) -> ! {
             watchdog.feed();
         }
         looks = looks.wrapping_add(1);
-        LED.pin.set(looks / 50 % 2 == 0);
-        if looks % LOOKS_PER_LINE == 0 {
+        LED.pin.set((looks / 50).is_multiple_of(2));
+        if looks.is_multiple_of(LOOKS_PER_LINE) {
             let [received, sent, lost, bus_off] = &SHARED.0;
             defmt::info!(
-                "{=u64} ms: {=u32} ticks, {=u32} overrun; bus {=u32} in, {=u32} out, {=u32} lost, {=u32} off; {=u32} dropped",
+                "{=u64} ms: {=u32} ticks, {=u32} overrun; bus {=u32} in, {=u32} out, {=u32} lost, {=u32} off; {=u32} unheard, {=u32} unsent",
                 Instant::now().as_millis(),
                 tick::raised(),
                 tick::overruns(),
@@ -225,7 +247,8 @@ async fn housekeeping(mut watchdog: Watchdog) -> ! {
                 sent.load(Ordering::Relaxed),
                 lost.load(Ordering::Relaxed),
                 bus_off.load(Ordering::Relaxed),
-                DROPPED.load(Ordering::Relaxed),
+                UNHEARD.count(),
+                UNSENT.count(),
             );
         }
     }

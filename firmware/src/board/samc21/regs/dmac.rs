@@ -2,7 +2,7 @@
 //!
 //! `CHID` chooses the channel that the `CH…` registers show: choose and use it in one critical section.
 
-use arbitrary_int::{u2, u4, u5, u6};
+use arbitrary_int::{u4, u5, u6};
 use bitbybit::{bitenum, bitfield};
 
 pub const DMAC: usize = 0x4100_6000;
@@ -15,6 +15,22 @@ pub struct Ctrl {
     dmaenable: bool,
     #[bit(8, rw)]
     lvlen0: bool,
+    #[bit(9, rw)]
+    lvlen1: bool,
+    #[bit(10, rw)]
+    lvlen2: bool,
+    #[bit(11, rw)]
+    lvlen3: bool,
+}
+
+/// Among channels that want to move at once, the higher level wins.
+#[bitenum(u2, exhaustive = true)]
+#[derive(Debug, PartialEq, Eq)]
+pub enum Lvl {
+    Lvl0 = 0,
+    Lvl1 = 1,
+    Lvl2 = 2,
+    Lvl3 = 3,
 }
 
 #[bitfield(u32, debug)]
@@ -45,8 +61,8 @@ pub struct ChCtrlA {
 #[bitfield(u32, default = 0, debug)]
 pub struct ChCtrlB {
     #[bits(5..=6, rw)]
-    lvl: u2,
-    /// A number of `[dma_triggers]`.
+    lvl: Lvl,
+    /// One of [`triggers`].
     #[bits(8..=13, rw)]
     trigsrc: u6,
     #[bits(22..=23, rw)]
@@ -132,4 +148,30 @@ agrees_with_facts! {
         baseaddr: u32, wrbaddr: u32, chid: ChId, chctrla: ChCtrlA, chctrlb: ChCtrlB, chintenclr: ChInterrupts,
         chintenset: ChInterrupts, chintflag: ChInterrupts, chstatus: ChStatus,
     } _reserved0 _reserved1 _reserved2 _reserved3 _reserved4 _reserved5
+}
+
+/// Trigger sources.
+pub mod triggers {
+    use arbitrary_int::u6;
+
+    pub const SERCOM1_RX: u6 = u6::new(4);
+    pub const SERCOM1_TX: u6 = u6::new(5);
+    pub const SERCOM4_RX: u6 = u6::new(10);
+    pub const SERCOM4_TX: u6 = u6::new(11);
+    pub const ADC0_RESRDY: u6 = u6::new(42);
+}
+
+#[cfg(test)]
+#[test]
+fn every_trigger_is_the_facts() {
+    let ours = [
+        ("SERCOM1_RX", triggers::SERCOM1_RX),
+        ("SERCOM1_TX", triggers::SERCOM1_TX),
+        ("SERCOM4_RX", triggers::SERCOM4_RX),
+        ("SERCOM4_TX", triggers::SERCOM4_TX),
+        ("ADC0_RESRDY", triggers::ADC0_RESRDY),
+    ];
+    for (name, trigger) in ours {
+        assert_eq!(super::facts::number("dma_triggers", name), i64::from(trigger.value()), "{name}");
+    }
 }
