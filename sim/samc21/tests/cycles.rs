@@ -9,7 +9,7 @@ use support::thumb::*;
 /// A chip with `code`, R1 pointing into SRAM and R2 at the I/O bus (DIVAS), R3 at the AHB side of DIVAS.
 fn chip(code: &[u16]) -> Chip {
     let mut chip = Program::new(code).chip();
-    set(&mut chip, &[(1, 0x2000_0100), (2, 0x6000_0200), (3, 0x4800_0000), (4, MAIN + 2 | 1), (5, 0xe000_e100)]);
+    set(&mut chip, &[(1, 0x2000_0100), (2, 0x6000_0200), (3, 0x4800_0000), (4, (MAIN + 2) | 1), (5, 0xe000_e100)]);
     chip
 }
 

@@ -49,11 +49,11 @@ pub const fn lsls(d: u16, m: u16, shift: u16) -> u16 {
 }
 /// STR Rt, [Rn, #offset]
 pub const fn str(t: u16, n: u16, offset: u16) -> u16 {
-    0x6000 | offset / 4 << 6 | n << 3 | t
+    0x6000 | (offset / 4) << 6 | n << 3 | t
 }
 /// LDR Rt, [Rn, #offset]
 pub const fn ldr(t: u16, n: u16, offset: u16) -> u16 {
-    0x6800 | offset / 4 << 6 | n << 3 | t
+    0x6800 | (offset / 4) << 6 | n << 3 | t
 }
 /// BX Rm
 pub const fn bx(m: u16) -> u16 {
