@@ -262,6 +262,16 @@ fn wfe_wakes_after_a_handler_and_on_pending_if_asked_to() {
 }
 
 #[test]
+fn a_handler_leaves_an_event_for_the_next_wfe() {
+    let mut program = program(&[&enable(8), &[movs(0, 8), str(0, 4, 0), NOP, WFE, movs(4, 1), WFE, movs(4, 2), BKPT]]);
+    let mut chip = start(program.handler(EIC, &note(1)));
+    set(&mut chip, &[(4, NVIC + 0x100)]);
+    run(&mut chip, 200);
+    assert_eq!(r(&chip, 4), 1);
+    assert!(chip.cpu().is_asleep());
+}
+
+#[test]
 fn sleep_on_exit_sleeps_when_the_last_handler_returns() {
     let mut program = program(&[&enable(8), &[str(3, 2, 0), movs(0, 8), str(0, 4, 0), NOP, movs(7, 0x7f), BKPT]]);
     let mut chip = start(program.handler(EIC, &note(1)));

@@ -2,16 +2,24 @@
 
 #![allow(dead_code, reason = "each test file uses some")]
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 use samc21::Image;
 
-/// Builds `programs/<name>.rs` with `flags` and reads the image.
+/// Builds `programs/<name>.rs` with `flags` and reads the image. Once per process: tests run side by side.
 pub fn build(name: &str, flags: &[&str]) -> Image {
+    static BUILT: Mutex<BTreeMap<String, Image>> = Mutex::new(BTreeMap::new());
+    let key = format!("{name} {}", flags.join(" "));
+    let mut built = BUILT.lock().expect("no build panicked");
+    built.entry(key).or_insert_with(|| compile(name, flags)).clone()
+}
+
+fn compile(name: &str, flags: &[&str]) -> Image {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("programs");
-    let out =
-        tempdir().join(format!("{name}{}-{}.elf", flags.join("").replace(['-', ' ', '='], "_"), std::process::id()));
+    let out = tempdir().join(format!("{name}-{}.elf", std::process::id()));
     let status = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
         .current_dir(&here)
         .args(["--edition=2024", "--target=thumbv6m-none-eabi", "--crate-type=bin", "-Copt-level=s", "-Cpanic=abort"])
