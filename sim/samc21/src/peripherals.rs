@@ -140,6 +140,8 @@ impl Peripherals {
                     model.advance(ctx);
                     let due = model.next_event();
                     self.schedule(unit, due, ctx);
+                    // A model that stays due would stop the clock.
+                    debug_assert!(self.due[unit as usize] > ctx.now, "{} stays due", unit.name());
                 }, else ());
             }
         }
