@@ -16,7 +16,7 @@ fn main() -> Result<(), EnafError> {
     let repeats = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(200);
     for form in [Form::Paper, Form::ConstantsFirst] {
         let config = EnafConfig {
-            hidden: 64,
+            hidden: Some(64),
             batch_episodes: 16,
             recurrent: true,
             previous_action: Some(false),

@@ -55,8 +55,11 @@ pub struct EnafConfig {
     pub previous_action: Option<bool>,
     /// LayerNorm after the dense layer.
     pub layer_norm: bool,
-    /// Units of the encoder and of the dense layer.
-    pub hidden: usize,
+    /// Units of the encoder and of the dense layer, at most 1024. Absent: the form's own (paper 32, else 4).
+    ///
+    /// A constant search wants a small one: a V that can learn the few stored episodes by heart explains what the
+    /// offsets cost, and the advantage, from which the constants learn, is left with nothing to explain.
+    pub hidden: Option<usize>,
     /// The longest episode, decisions. An episode that reaches it ends as a time-out.
     pub horizon: usize,
     /// The longest unroll learned from, decisions: a batch is trimmed to it, always from the episode's start.
@@ -74,7 +77,7 @@ pub struct EnafConfig {
     pub gamma: f32,
     /// Mixing of n-step returns; 0 is the one-step target. Absent: the form's own (paper 0, else 0.9).
     pub lambda: Option<f32>,
-    /// Adam's step size. Absent: the form's own (paper 1e-3, else 3e-3).
+    /// Adam's step size. Absent: the form's own (paper 1e-3, else 1e-2).
     pub learning_rate: Option<f32>,
     /// Share of the online weights that enters the target network per gradient step.
     pub tau: f32,
@@ -101,7 +104,7 @@ impl Default for EnafConfig {
             recurrent: true,
             previous_action: None,
             layer_norm: true,
-            hidden: 32,
+            hidden: None,
             horizon: 30,
             unroll: 30,
             batch_episodes: 8,
@@ -150,7 +153,16 @@ impl EnafConfig {
     pub fn learning_rate(&self) -> f32 {
         self.learning_rate.unwrap_or(match self.form {
             Form::Paper => 1e-3,
-            Form::ConstantsFirst => 3e-3,
+            Form::ConstantsFirst => 1e-2,
+        })
+    }
+
+    /// Units of the encoder and of the dense layer.
+    #[must_use]
+    pub fn hidden(&self) -> usize {
+        self.hidden.unwrap_or(match self.form {
+            Form::Paper => 32,
+            Form::ConstantsFirst => 4,
         })
     }
 
@@ -178,6 +190,7 @@ impl EnafConfig {
         let mut resolved = self.clone();
         resolved.previous_action = Some(self.previous_action());
         resolved.lambda = Some(self.lambda());
+        resolved.hidden = Some(self.hidden());
         resolved.learning_rate = Some(self.learning_rate());
         resolved.warm_up_episodes = Some(self.warm_up_episodes());
         resolved.noise.offset_sigma = Some(self.offset_sigma());
@@ -189,17 +202,19 @@ impl EnafConfig {
     /// # Errors
     /// [`EnafError::Config`] with the field and the range it must lie in.
     pub fn validate(&self) -> Result<(), EnafError> {
+        // Upper bounds keep a slip of the finger from asking for more memory or time than any machine here has.
         let counts = [
-            ("hidden", self.hidden),
-            ("horizon", self.horizon),
-            ("unroll", self.unroll),
-            ("batch_episodes", self.batch_episodes),
-            ("replay_episodes", self.replay_episodes),
-            ("average_episodes", self.average_episodes),
+            ("hidden", self.hidden(), 1..=1024, "1 to 1024"),
+            ("horizon", self.horizon, 1..=3600, "1 to 3600"),
+            ("unroll", self.unroll, 1..=3600, "1 to 3600"),
+            ("batch_episodes", self.batch_episodes, 1..=256, "1 to 256"),
+            ("depth", self.depth, 0..=256, "0 to 256"),
+            ("replay_episodes", self.replay_episodes, 1..=1_000_000, "1 to 1000000"),
+            ("average_episodes", self.average_episodes, 1..=1_000_000, "1 to 1000000"),
         ];
-        for (field, value) in counts {
-            if value == 0 {
-                return Err(EnafError::Config { field, rule: "at least 1" });
+        for (field, value, range, rule) in counts {
+            if !range.contains(&value) {
+                return Err(EnafError::Config { field, rule });
             }
         }
         let positive = |x: f32| x.is_finite() && x > 0.0;

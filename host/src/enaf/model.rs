@@ -78,7 +78,7 @@ impl Shape {
         Self {
             observation,
             action,
-            hidden: config.hidden,
+            hidden: config.hidden(),
             recurrent: config.recurrent,
             previous_action: config.previous_action(),
             layer_norm: config.layer_norm,

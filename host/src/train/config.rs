@@ -58,6 +58,10 @@ pub struct TrainConfig {
     pub methods: Vec<Method>,
     /// Training scenario, by name or path.
     pub scenario: String,
+    /// The scenario itself, as it was when the run began; a run's own record has it, so that a file edited later
+    /// changes nothing. Goes before the name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scenario_as_run: Option<Scenario>,
     /// Reward of training.
     pub reward: RewardForm,
     /// Pushes on which a session's result must beat its start to be handed on.
@@ -84,6 +88,7 @@ impl Default for TrainConfig {
             episodes: 80,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             scenario: "train".into(),
+            scenario_as_run: None,
             reward: RewardForm::Gated,
             validation_episodes: 24,
             judged_episodes: 50,
@@ -187,7 +192,15 @@ impl TrainConfig {
 
     /// The training scenario.
     pub fn train_scenario(&self) -> Result<Scenario, ScenarioError> {
-        Scenario::load(&self.scenario)
+        match &self.scenario_as_run {
+            Some(scenario) => scenario.validate().map(|()| scenario.clone()),
+            None => Scenario::load(&self.scenario),
+        }
+    }
+
+    /// The same run with everything written out that lies elsewhere.
+    pub fn resolved(&self) -> Result<Self, ScenarioError> {
+        Ok(TrainConfig { scenario_as_run: Some(self.train_scenario()?), ..self.clone() })
     }
 
     /// The agent's configuration for a method.
@@ -197,7 +210,6 @@ impl TrainConfig {
             Method::EnafPaper => EnafConfig {
                 form: Form::Paper,
                 horizon: self.enaf.horizon,
-                hidden: self.enaf.hidden,
                 layer_norm: self.enaf.layer_norm,
                 batch_episodes: self.enaf.batch_episodes,
                 depth: self.enaf.depth,
@@ -221,7 +233,8 @@ mod tests {
 
     #[test]
     fn a_saved_configuration_reads_back_as_it_was() {
-        for config in [TrainConfig::default(), TrainConfig::quick()] {
+        let resolved = TrainConfig::default().resolved().expect("embedded");
+        for config in [TrainConfig::default(), TrainConfig::quick(), resolved] {
             let text = config.to_toml().expect("writes");
             assert_eq!(TrainConfig::parse("config.toml", &text).expect("reads"), config);
         }

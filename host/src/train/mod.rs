@@ -111,6 +111,7 @@ impl Chain {
 /// A new run.
 pub fn train(config: &TrainConfig, out: &Path) -> Result<PathBuf, TrainError> {
     config.validate()?;
+    let config = &config.resolved().map_err(ConfigError::from)?;
     // A robot that cannot be built is refused before anything is written.
     let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
     SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;

@@ -10,7 +10,7 @@ use super::config::{Method, TrainConfig};
 use crate::enaf::{EnafError, Policy, Trainer};
 use crate::evaluate::{Controller, run_episode};
 use crate::report::columns;
-use crate::run::{MetricsCsv, write_atomic};
+use crate::run::{MetricsCsv, read_text, write_atomic};
 use crate::search::{CmaEs, RandomSearch, Search, run_constant};
 use crate::task::action;
 use crate::task::environment::{BrokenWorld, RobotEnvironment};
@@ -67,6 +67,28 @@ pub struct Trained {
     pub policy: Option<Policy>,
     /// Episodes that the simulation spoilt.
     pub broken: u32,
+}
+
+/// Whether a session's constants are better than its start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Validation {
+    /// Mean paired difference of the reward.
+    mean: f32,
+    /// Its standard error.
+    standard_error: f32,
+    /// Whether the constants go to the next session.
+    handed_on: bool,
+}
+
+impl Validation {
+    /// From at least two paired differences.
+    fn of(differences: &[f32]) -> Validation {
+        let n = differences.len() as f32;
+        let mean = differences.iter().sum::<f32>() / n;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / (n - 1.0);
+        let standard_error = (variance / n).sqrt();
+        Validation { mean, standard_error, handed_on: mean > standard_error }
+    }
 }
 
 impl Session {
@@ -202,19 +224,27 @@ impl Session {
         Ok(write_atomic(&self.checkpoint, &bytes)?)
     }
 
-    /// What the session has come to.
+    /// What the session has come to. Its validation is kept beside the checkpoint, so that a resumed run need not
+    /// repeat it.
     ///
     /// Constants are handed on only if they beat the session's start by more than a standard error on
-    /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a session that had
-    /// nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
+    /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a
+    /// session that had nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
     pub fn trained(&self) -> Result<Trained, TrainError> {
         let mut trained = self.candidate();
         if self.method != Method::EnafPaper && trained.constants != self.base {
-            let differences = self.validate(&trained.constants)?;
-            let n = differences.len() as f32;
-            let mean = differences.iter().sum::<f32>() / n;
-            let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / (n - 1.0);
-            if mean <= (variance / n).sqrt() {
+            let path = self.checkpoint.with_file_name("validation.json");
+            let validation = if path.exists() {
+                let stored = |why: String| TrainError::Stored { path: path.clone(), why };
+                serde_json::from_str(&read_text(&path)?).map_err(|error| stored(error.to_string()))?
+            } else {
+                let validation = Validation::of(&self.differences(&trained.constants)?);
+                let text = serde_json::to_string_pretty(&validation)
+                    .map_err(|error| TrainError::Stored { path: path.clone(), why: error.to_string() })?;
+                write_atomic(&path, text.as_bytes())?;
+                validation
+            };
+            if !validation.handed_on {
                 trained.constants = self.base;
             }
         }
@@ -222,7 +252,7 @@ impl Session {
     }
 
     /// Rewards of `set` less those of the session's start, push by push.
-    fn validate(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
+    fn differences(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
         let reward = |set: &ParamSet, index: u64| {
             let episode = self.scenario.episode(VALIDATION_SEED + self.seed, index);
             let result = run_episode(&Controller::Constants(*set), &self.robot, &episode, None)?;

@@ -11,7 +11,7 @@ use crate::enaf::replay::{Batch, Episode};
 use crate::enaf::{EnafConfig, Form};
 
 fn shape(form: Form, recurrent: bool) -> Shape {
-    let config = EnafConfig { hidden: 6, recurrent, ..EnafConfig::for_form(form) };
+    let config = EnafConfig { hidden: Some(6), recurrent, ..EnafConfig::for_form(form) };
     Shape::new(&config, 3, 2)
 }
 
@@ -174,7 +174,7 @@ fn trimming_an_unroll_before_a_fall_bootstraps_at_the_cut() {
 #[test]
 fn padding_changes_nothing() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
-    let config = EnafConfig { hidden: 6, ..EnafConfig::default() };
+    let config = EnafConfig { hidden: Some(6), ..EnafConfig::default() };
     let shape = shape(Form::ConstantsFirst, true);
     let weights = lively_weights(&shape, &mut rng);
     let short = episode(&mut rng, &shape, 3, true);

@@ -25,7 +25,7 @@ fn constants_are_found_behind_noise_in_sixty_episodes() {
 fn after_training_on_the_cue(recurrent: bool) -> f32 {
     let config = EnafConfig {
         recurrent,
-        hidden: 16,
+        hidden: Some(16),
         horizon: 5,
         depth: 4,
         learning_rate: Some(3e-3),

@@ -8,7 +8,7 @@ use crate::enaf::noise::Noise;
 use crate::enaf::{EnafConfig, EnafError, Form, NoiseConfig, Trainer};
 
 fn small(form: Form) -> EnafConfig {
-    EnafConfig { hidden: 8, horizon: 6, warm_up_episodes: Some(2), ..EnafConfig::for_form(form) }
+    EnafConfig { hidden: Some(8), horizon: 6, warm_up_episodes: Some(2), ..EnafConfig::for_form(form) }
 }
 
 fn train(trainer: &mut Trainer, episodes: usize) {
