@@ -77,22 +77,35 @@ pub enum FrameError {
 
 /// One frame with its delimiters. `None` if `body` is longer than [`MAX_BODY`].
 pub fn encode(header: Header, body: &[u8]) -> Option<Bytes> {
-    let mut raw: Vec<u8, MAX_RAW> = Vec::new();
-    raw.push(header.version).ok()?;
-    raw.extend_from_slice(&header.session.to_le_bytes()).ok()?;
-    raw.extend_from_slice(&header.sequence.to_le_bytes()).ok()?;
     if body.len() > MAX_BODY {
         return None;
     }
-    raw.extend_from_slice(body).ok()?;
-    let check = CRC.checksum(&raw);
-    raw.extend_from_slice(&check.to_le_bytes()).ok()?;
-    let mut bytes = Bytes::new();
-    bytes.resize(MAX_ENCODED, 0).ok()?;
-    let stuffed = cobs::try_encode(&raw, bytes.get_mut(1..MAX_ENCODED - 1)?).ok()?;
-    bytes.truncate(stuffed + 2);
-    // The resize left a zero behind the stuffed bytes: the closing delimiter.
+    // The opening delimiter, and a zero for the first distance.
+    let mut bytes = Bytes::from_array([0, 0]);
+    bytes.push(header.version).ok()?;
+    bytes.extend_from_slice(&header.session.to_le_bytes()).ok()?;
+    bytes.extend_from_slice(&header.sequence.to_le_bytes()).ok()?;
+    bytes.extend_from_slice(body).ok()?;
+    let check = CRC.checksum(bytes.get(2..)?);
+    bytes.extend_from_slice(&check.to_le_bytes()).ok()?;
+    stuff(bytes.get_mut(1..)?);
+    bytes.push(0).ok()?;
     Some(bytes)
+}
+
+// One block suffices: no distance exceeds 254.
+const _: () = assert!(MAX_RAW < 254);
+
+/// COBS in place: every zero, the first byte's included, becomes the distance to the next one.
+fn stuff(bytes: &mut [u8]) {
+    let mut distance = 1_u8;
+    for byte in bytes.iter_mut().rev() {
+        if *byte == 0 {
+            *byte = distance;
+            distance = 0;
+        }
+        distance = distance.wrapping_add(1);
+    }
 }
 
 /// Finds frames in a stream of bytes. `N` bounds the stuffed length; [`MAX_ENCODED`] takes every frame.
@@ -134,8 +147,33 @@ impl<const N: usize> Deframer<N> {
     }
 }
 
+/// Undoes COBS in place; the length of the result. Without an index that the compiler would have to check: this runs
+/// where nothing may panic.
+fn unstuff(bytes: &mut [u8]) -> Option<usize> {
+    let (mut read, mut write) = (0, 0);
+    while let Some(code) = bytes.get(read).copied() {
+        read += 1;
+        for _ in 1..code {
+            let byte = *bytes.get(read)?;
+            *bytes.get_mut(write)? = byte;
+            (read, write) = (read + 1, write + 1);
+        }
+        match code {
+            0 => return None,
+            // A full block, or the last one, stands for no zero.
+            0xff => {}
+            _ if read == bytes.len() => {}
+            _ => {
+                *bytes.get_mut(write)? = 0;
+                write += 1;
+            }
+        }
+    }
+    Some(write)
+}
+
 fn open(stuffed: &mut [u8]) -> Result<Packet<'_>, FrameError> {
-    let length = cobs::decode_in_place(stuffed).map_err(|_| FrameError::Stuffing)?;
+    let length = unstuff(stuffed).ok_or(FrameError::Stuffing)?;
     let raw = stuffed.get(..length).ok_or(FrameError::Stuffing)?;
     if raw.len() > MAX_RAW {
         return Err(FrameError::TooLong);
@@ -148,4 +186,32 @@ fn open(stuffed: &mut [u8]) -> Result<Packet<'_>, FrameError> {
     let [version, s0, s1, q0, q1] = *header;
     let header = Header { version, session: u16::from_le_bytes([s0, s1]), sequence: u16::from_le_bytes([q0, q1]) };
     Ok(Packet { header, body })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_RAW, stuff, unstuff};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn stuffing_agrees_with_the_crate_for_it(raw in prop::collection::vec(prop_oneof![Just(0), any::<u8>()], 0..=MAX_RAW)) {
+            let mut stuffed = [&[0][..], &raw].concat();
+            stuff(&mut stuffed);
+            prop_assert_eq!(stuffed, cobs::encode_vec(&raw));
+        }
+
+        #[test]
+        fn unstuffing_agrees_with_the_crate_for_it(raw in prop::collection::vec(any::<u8>(), 0..600)) {
+            let mut stuffed = cobs::encode_vec(&raw);
+            let length = unstuff(&mut stuffed);
+            prop_assert_eq!(length.map(|length| &stuffed[..length]), Some(&raw[..]));
+        }
+
+        #[test]
+        fn unstuffing_is_total(mut bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let length = unstuff(&mut bytes);
+            prop_assert!(length.is_none_or(|length| length <= bytes.len()));
+        }
+    }
 }

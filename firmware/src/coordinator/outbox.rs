@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  bus    halt [1]  ►  commands [4]  ►  motion [1, newest wins]
-//!  host   replies and events [8]  ►  telemetry [1, newest is dropped and counted]
+//!  host   replies and events [512 bytes, some 10]  ►  telemetry [1, newest is dropped and counted]
 //! ```
 
 use heapless::Deque;
@@ -56,10 +56,14 @@ impl BusOutbox {
     }
 }
 
+/// Bytes of replies and events that may wait: most take less than 50, none more than 204.
+const REPLY_BYTES: usize = 512;
+
 /// Frames for the host, replies first.
 #[derive(Clone, Debug, Default)]
 pub struct HostOutbox {
-    replies: Deque<Bytes, 8>,
+    /// Whole frames, one after the other: their delimiters tell them apart.
+    replies: Deque<u8, REPLY_BYTES>,
     telemetry: Option<Bytes>,
     /// Replies and events that found no room; wraps. A host repeats what it gets no reply to.
     pub lost_replies: u32,
@@ -73,8 +77,13 @@ impl HostOutbox {
 
     /// An answer or an event.
     pub fn reply(&mut self, bytes: Bytes) {
-        if self.replies.push_back(bytes).is_err() {
+        if self.replies.capacity() - self.replies.len() < bytes.len() {
             self.lost_replies = self.lost_replies.wrapping_add(1);
+            return;
+        }
+        for byte in bytes {
+            // There is room: see above.
+            let _ = self.replies.push_back(byte);
         }
     }
 
@@ -90,6 +99,15 @@ impl HostOutbox {
 
     /// Takes the next frame.
     pub fn pop(&mut self) -> Option<Bytes> {
-        self.replies.pop_front().or_else(|| self.telemetry.take())
+        let mut frame = Bytes::new();
+        while let Some(byte) = self.replies.pop_front() {
+            let ends = byte == 0 && !frame.is_empty();
+            // It went in as a frame, so it fits.
+            let _ = frame.push(byte);
+            if ends {
+                return Some(frame);
+            }
+        }
+        self.telemetry.take()
     }
 }

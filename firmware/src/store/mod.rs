@@ -173,7 +173,7 @@ pub struct Store {
 impl Store {
     /// Reads both slots. `default` is the built-in set.
     pub fn load(flash: &impl Flash, default: &ParamSet) -> (Store, Loaded) {
-        let [a, b] = Slot::ALL.map(|slot| read(flash, slot).parse());
+        let (a, b) = (examine(flash, Slot::A), examine(flash, Slot::B));
         let slots = [&a, &b].map(|slot| match slot {
             Ok((_, kept)) => SlotState::Valid(*kept),
             Err(state) => *state,
@@ -262,6 +262,12 @@ impl Job {
         self.phase = Phase::Writing(next);
         Ok(false)
     }
+}
+
+/// Not inlined, so that one row at a time is on the stack.
+#[inline(never)]
+fn examine(flash: &impl Flash, slot: Slot) -> Result<(ParamSet, Kept), SlotState> {
+    read(flash, slot).parse()
 }
 
 fn read(flash: &impl Flash, slot: Slot) -> Record {

@@ -19,10 +19,9 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use heapless::Vec;
 use sarah_protocol::bus::Frame;
 use sarah_protocol::params::ParamSet;
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 use super::boot::BootReport;
 use super::can::Can;
@@ -42,14 +41,14 @@ use crate::store::{Loaded, Slot, Step, Store};
 const PERIOD_US: u32 = 1_000;
 /// Host bytes parsed in a turn: somewhat more than come in one at 1 Mbaud.
 const HOST_BYTES: usize = 128;
-/// Frames taken from the bus in a turn: three nodes say less than one each.
+/// Frames from the bus that may wait for a turn: three nodes say less than one each in that time.
 const FRAMES: usize = 8;
 /// Turns without a sample after which the IMU is set up anew, and again after as many.
 const IMU_PATIENCE: u32 = 100;
 /// Which board, for the hello.
 const BOARD: u8 = 1;
 
-static FROM_BUS: Channel<CriticalSectionRawMutex, Frame, 16> = Channel::new();
+static FROM_BUS: Channel<CriticalSectionRawMutex, Frame, FRAMES> = Channel::new();
 /// Short, so that a halt does not wait behind what was queued before it.
 static TO_BUS: Channel<CriticalSectionRawMutex, Frame, 2> = Channel::new();
 static STORE: Signal<CriticalSectionRawMutex, (ParamSet, u32)> = Signal::new();
@@ -67,6 +66,21 @@ const NOT_TWICE: &str = "each peripheral is set up once";
 
 /// Sets everything up and runs. Call once, from `main`.
 pub fn run(build: [u8; 16]) -> ! {
+    // Step by step, each with a stack frame that is gone before the next: this one stays for ever.
+    let report = wake_up();
+    let nvm = Nvm::start();
+    let (store, stored) = recall(&nvm);
+    let can = begin(born(&report, build, stored));
+    static SLOW: StaticCell<Executor> = StaticCell::new();
+    SLOW.init_with(Executor::new).run(|spawner| {
+        spawner.spawn(bus(can).expect(NOT_TWICE));
+        spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
+        spawner.spawn(housekeeping(Watchdog::start()).expect(NOT_TWICE));
+    })
+}
+
+#[inline(never)]
+fn wake_up() -> BootReport {
     log::start();
     // SAFETY: the first to touch the core's peripherals.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
@@ -80,31 +94,35 @@ pub fn run(build: [u8; 16]) -> ! {
     time_driver::start();
     dma::start();
     report.log("coordinator");
+    report
+}
 
-    let nvm = Nvm::start();
-    let default = crate::default_params();
-    let (store, loaded) = Store::load(&nvm, &default);
-    tell(&loaded);
+/// The control task runs when this returns.
+#[inline(never)]
+fn begin(coordinator: &'static mut Coordinator) -> Can {
     let can = Can::start(COORDINATOR_ACCEPTS).expect(NOT_TWICE);
     let uart = Uart::start().expect(NOT_TWICE);
     let imu = Imu::new(Spi::start());
     let control = Control { ticks: Ticks::start(PERIOD_US), imu, uart, blind: IMU_PATIENCE };
-    static COORDINATOR: StaticCell<Coordinator> = StaticCell::new();
-    let config = config(&report, build, default, loaded.set);
-    let coordinator = COORDINATOR.init_with(|| Coordinator::new(config));
-
     executor::start().spawn(turns(control, coordinator).expect(NOT_TWICE));
-    static SLOW: StaticCell<Executor> = StaticCell::new();
-    SLOW.init(Executor::new()).run(|spawner| {
-        spawner.spawn(bus(can).expect(NOT_TWICE));
-        spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
-        spawner.spawn(housekeeping(Watchdog::start()).expect(NOT_TWICE));
-    })
+    can
 }
 
-fn config(report: &BootReport, build: [u8; 16], default: ParamSet, stored: ParamSet) -> Config {
+/// The store, and the set to begin with.
+#[inline(never)]
+fn recall(nvm: &Nvm) -> (&'static mut Store, ParamSet) {
+    static STORE: StaticCell<Store> = StaticCell::new();
+    let (store, loaded) = Store::load(nvm, &crate::default_params());
+    tell(&loaded);
+    (STORE.init(store), loaded.set)
+}
+
+#[inline(never)]
+fn born(report: &BootReport, build: [u8; 16], stored: ParamSet) -> &'static mut Coordinator {
+    static COORDINATOR: StaticCell<Coordinator> = StaticCell::new();
     let identity = Identity { boot_nonce: report.nonce, board: BOARD, build, reset_cause: report.cause };
-    Config { imu_period_us: PERIOD_US, ..Config::new(identity, default, stored) }
+    let config = Config { imu_period_us: PERIOD_US, ..Config::new(identity, crate::default_params(), stored) };
+    COORDINATOR.init_with(|| Coordinator::new(config))
 }
 
 /// Says which set was loaded, and why the other slot was not.
@@ -148,41 +166,40 @@ impl Control {
     }
 }
 
-/// What came in since the last turn.
-struct Inbox {
-    sample: Option<ImuSample>,
-    frames: Vec<Frame, FRAMES>,
-    bytes: [u8; HOST_BYTES],
-    count: usize,
-    stored: Option<(u32, bool)>,
-}
-
 /// What goes out.
 struct Outboxes {
     bus: BusOutbox,
     host: HostOutbox,
 }
 
-/// Everything of a turn that is not the board's. A function of its own, so that the images can be searched for what is
-/// reachable from it.
+// The turn in three parts, each without anything of the board's, and each a function of its own, so that the images can
+// be searched for what is reachable from them.
+
+/// The part that comes first and waits for nothing.
 #[inline(never)]
-fn control_tick(coordinator: &mut Coordinator, now_us: u32, inbox: &Inbox, out: &mut Outboxes) -> Option<Action> {
-    let Outboxes { bus, host } = out;
-    for frame in &inbox.frames {
-        coordinator.on_bus(now_us, frame, bus, host);
-    }
-    let bytes = inbox.bytes.get(..inbox.count).unwrap_or_default();
+fn imu_tick(coordinator: &mut Coordinator, now_us: u32, sample: &ImuSample, out: &mut Outboxes) {
+    coordinator.on_imu(now_us, sample, &mut out.bus);
+}
+
+#[inline(never)]
+fn bus_tick(coordinator: &mut Coordinator, now_us: u32, frame: &Frame, out: &mut Outboxes) {
+    coordinator.on_bus(now_us, frame, &mut out.bus, &mut out.host);
+}
+
+/// Host, store and clock.
+#[inline(never)]
+fn control_tick(
+    coordinator: &mut Coordinator,
+    now_us: u32,
+    bytes: &[u8],
+    stored: Option<(u32, bool)>,
+    Outboxes { bus, host }: &mut Outboxes,
+) -> Option<Action> {
     coordinator.on_host_bytes(now_us, bytes, bus, host);
-    if let Some((generation, ok)) = inbox.stored {
+    if let Some((generation, ok)) = stored {
         coordinator.on_stored(generation, ok, host);
     }
     coordinator.tick(now_us, bus, host)
-}
-
-/// The part that must not wait for anything.
-#[inline(never)]
-fn imu_tick(coordinator: &mut Coordinator, now_us: u32, sample: &ImuSample, bus: &mut BusOutbox) {
-    coordinator.on_imu(now_us, sample, bus);
 }
 
 fn flush(bus: &mut BusOutbox) {
@@ -195,27 +212,24 @@ fn flush(bus: &mut BusOutbox) {
 
 #[embassy_executor::task]
 async fn turns(mut io: Control, coordinator: &'static mut Coordinator) -> ! {
-    static OUT: StaticCell<Outboxes> = StaticCell::new();
-    static IN: StaticCell<Inbox> = StaticCell::new();
-    let out = OUT.init_with(|| Outboxes { bus: BusOutbox::new(), host: HostOutbox::new() });
-    let inbox =
-        IN.init_with(|| Inbox { sample: None, frames: Vec::new(), bytes: [0; HOST_BYTES], count: 0, stored: None });
+    static OUT: ConstStaticCell<Outboxes> =
+        ConstStaticCell::new(Outboxes { bus: BusOutbox::new(), host: HostOutbox::new() });
+    static BYTES: ConstStaticCell<[u8; HOST_BYTES]> = ConstStaticCell::new([0; HOST_BYTES]);
+    let (out, bytes) = (OUT.take(), BYTES.take());
     loop {
         io.ticks.next().await;
         let now_us = Instant::now().as_micros() as u32;
-        inbox.sample = io.sample();
-        if let Some(sample) = &inbox.sample {
-            imu_tick(coordinator, now_us, sample, &mut out.bus);
+        if let Some(sample) = io.sample() {
+            imu_tick(coordinator, now_us, &sample, out);
             flush(&mut out.bus);
         }
-        inbox.frames.clear();
-        while !inbox.frames.is_full() {
+        for _ in 0..FRAMES {
             let Ok(frame) = FROM_BUS.try_receive() else { break };
-            let _ = inbox.frames.push(frame);
+            bus_tick(coordinator, now_us, &frame, out);
         }
-        inbox.count = io.uart.read(&mut inbox.bytes);
-        inbox.stored = STORED.try_take();
-        if let Some(Action::Store(set, generation)) = control_tick(coordinator, now_us, inbox, out) {
+        let count = io.uart.read(bytes);
+        let heard = bytes.get(..count).unwrap_or_default();
+        if let Some(Action::Store(set, generation)) = control_tick(coordinator, now_us, heard, STORED.try_take(), out) {
             STORE.signal((set, generation));
         }
         flush(&mut out.bus);
@@ -263,7 +277,7 @@ async fn bus(mut can: Can) -> ! {
 const STEP: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
-async fn storing(mut store: Store, mut nvm: Nvm, build: [u8; 16]) -> ! {
+async fn storing(store: &'static mut Store, mut nvm: Nvm, build: [u8; 16]) -> ! {
     loop {
         let (set, generation) = STORE.wait().await;
         store.write(&set, generation, build);

@@ -1,13 +1,13 @@
 //! The host link: SERCOM4 as a UART at 1 Mbaud, on the board's virtual COM port (data sheet: "SERCOM USART").
 //!
 //! ```text
-//!  RX  PB11 ─► SERCOM4 ─► DMA ─► ring of 512 bytes, round and round ─► `read`, each millisecond
-//!  TX  PB10 ◄─ SERCOM4 ◄─ DMA ◄─ one frame of up to 256 bytes       ◄─ `send`, when the last one is gone
+//!  RX  PB11 ─► SERCOM4 ─► DMA ─► ring of 256 bytes, round and round ─► `read`, each millisecond
+//!  TX  PB10 ◄─ SERCOM4 ◄─ DMA ◄─ one frame of up to 204 bytes       ◄─ `send`, when the last one is gone
 //! ```
 //!
 //! No interrupt in either direction. The chip has none for an idle line, so idleness needs no detecting: whoever asks gets
 //! what has arrived until then, a frame is never held back for the next byte. At most 100 bytes come in a millisecond; the
-//! ring holds five. Whoever asks too late gets torn frames, which the check sum refuses.
+//! ring holds two and a half. Whoever asks too late gets torn frames, which the check sum refuses.
 //!
 //! The rate is exact: 48 MHz / (16 · 3). What the virtual COM port of the board makes of it: UNVERIFIED on silicon.
 
@@ -29,9 +29,9 @@ const _: () = assert!(DIVISOR * 16 * BAUD == CPU_HZ, "the rate would not be exac
 const RX_CHANNEL: u8 = 1;
 const TX_CHANNEL: u8 = 2;
 /// A power of two, so that positions wrap cheaply.
-const RING: usize = 512;
-/// Longest frame that can be sent at once.
-pub const FRAME: usize = 256;
+const RING: usize = 256;
+/// Longest frame.
+const FRAME: usize = sarah_protocol::frame::MAX_ENCODED;
 
 struct Buffer<const N: usize>(UnsafeCell<[u8; N]>);
 // SAFETY: RX is written by DMA alone and read by the one `Uart`; TX is written by it while DMA stands still.
