@@ -109,7 +109,8 @@ impl<D: Divider> Node for KneeNode<D> {
             steps: self.lpg.steps(),
             cycle: self.lpg.cycle(),
         };
-        self.link.finish(out, view)
+        self.link.finish(&mut out, view);
+        out
     }
 }
 

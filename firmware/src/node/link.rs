@@ -188,7 +188,7 @@ impl NodeLink {
     }
 
     /// End of a tick: end stops, and a status message when one is due.
-    pub fn finish(&mut self, mut out: Outputs, view: View) -> Outputs {
+    pub fn finish(&mut self, out: &mut Outputs, view: View) {
         for (drive, position) in out.drive.iter_mut().zip(self.good.position) {
             let stop = self.config.end_stop;
             if let Drive::Velocity(speed) = *drive
@@ -218,7 +218,6 @@ impl NodeLink {
             ));
             self.reported = 0;
         }
-        out
     }
 }
 

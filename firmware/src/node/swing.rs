@@ -84,7 +84,8 @@ impl Node for SwingNode {
         }
         out.drive = drive;
         let view = View { phase: self.lpg.phase() as u8, cycle: self.cycle, ..View::default() };
-        self.link.finish(out, view)
+        self.link.finish(&mut out, view);
+        out
     }
 }
 

@@ -194,6 +194,8 @@ impl Can {
     pub async fn event(&mut self) {
         poll_fn(|context| {
             WAKER.register(context.waker());
+            // What was served since is still noted as pending; what is not served yet notes itself again.
+            NVIC::unpend(interrupt::CAN0);
             let flags = self.events.interrupt_flags();
             if flags.is_empty() {
                 // SAFETY: no critical section relies on this mask.

@@ -2,8 +2,8 @@
 //!
 //! One timer makes all four switching lines: channels 0 and 1 the pulses, 2 and 3 the brake coils as pulses of 0 or
 //! 100 %. They change together at the end of a period (50 µs), and together they go low when the debugger halts the
-//! chip. **Braked is what happens by itself**: after a reset the pins float and the resistors of `docs/wiring.md` hold
-//! them low; a panic or fault takes them from the timer and drives them low ([`brake_now`]).
+//! chip, until the next reset. **Braked is what happens by itself**: after a reset the pins float and the resistors of
+//! `docs/wiring.md` hold them low; a panic or fault takes them from the timer and drives them low ([`brake_now`]).
 
 use super::clocks::{self, CPU_HZ, Channel, Generator};
 use super::pins::Function;
