@@ -1,6 +1,7 @@
 //! Robot without hardware.
 
 pub mod actuator;
+pub mod body;
 pub mod bus;
 pub mod energy;
 pub mod robot;

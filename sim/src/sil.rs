@@ -15,7 +15,6 @@
 
 use std::collections::VecDeque;
 
-use sarah_firmware::calibration::{self, Calibration};
 use sarah_firmware::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
 use sarah_firmware::lpg::Drive as Command;
 use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs};
@@ -24,12 +23,13 @@ use sarah_protocol::params::ParamSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::actuator::{ActuatorConfig, ActuatorError, Actuators};
+use crate::actuator::{ActuatorConfig, ActuatorError};
+use crate::body::{Body, calibration_of, joints_of};
 use crate::bus::{Bus, Station};
 use crate::energy::{EnergyConfig, EnergyError, EnergyMeter};
-use crate::robot::{Drive, Health, Joint, Robot, RobotConfig, RobotError};
+use crate::robot::{Health, Robot, RobotConfig, RobotError};
 use crate::scenario::Episode;
-use crate::sensors::{SensorConfig, SensorError, Sensors};
+use crate::sensors::{SensorConfig, SensorError};
 
 /// What is simulated, and how finely.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -99,11 +99,7 @@ struct Chip {
 
 /// A robot with its firmware, in one world.
 pub struct Sil {
-    robot: Robot,
-    actuators: Actuators,
-    sensors: Sensors,
-    meter: EnergyMeter,
-    episode: Episode,
+    body: Body,
     coordinator: Coordinator,
     nodes: [NodeKind; 3],
     bus: Bus,
@@ -112,8 +108,6 @@ pub struct Sil {
     to_host: Vec<u8>,
     stored: Option<(u32, ParamSet)>,
     commands: [Command; 6],
-    physics_us: u64,
-    next_physics_us: u64,
     now_us: u64,
 }
 
@@ -128,11 +122,6 @@ impl Sil {
         if config.bus_latency_us > 100_000 {
             return Err(SilError::Latency(config.bus_latency_us));
         }
-        config.energy.validate()?;
-        let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
-        let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
-        sensors.observe(&robot);
-
         let tick_us = 1_000_000 / rate;
         let imu_us = tick_us.max(1_000_000 / IMU_RATE_MAX_HZ);
         let identity = Identity { boot_nonce: episode.seed as u32 | 1, ..Identity::default() };
@@ -147,9 +136,7 @@ impl Sil {
             next_us: index * u64::from(tick_us) / 10,
         };
         Ok(Sil {
-            actuators: Actuators::new(&config.actuators)?,
-            meter: EnergyMeter::new(&config.energy),
-            episode: episode.clone(),
+            body: Body::new(config, episode)?,
             coordinator,
             nodes: NodeId::ALL.map(|id| node::by_id(id, node_config(id, default))),
             bus: Bus::new(config.bus_latency_us),
@@ -163,11 +150,7 @@ impl Sil {
             to_host: Vec::new(),
             stored: None,
             commands: [Command::Brake; 6],
-            physics_us: u64::from((robot.dt_s() * 1e6).round() as u32),
-            next_physics_us: 0,
             now_us: 0,
-            robot,
-            sensors,
         })
     }
 
@@ -175,7 +158,7 @@ impl Sil {
     pub fn run_until(&mut self, until_us: u64) -> Health {
         while let Some(at_us) = self.next_event_us().filter(|at| *at < until_us) {
             self.now_us = at_us;
-            if at_us == self.next_physics_us {
+            if at_us == self.body.next_us() {
                 let health = self.step_physics();
                 if health != Health::Upright {
                     return health;
@@ -190,33 +173,12 @@ impl Sil {
 
     fn next_event_us(&self) -> Option<u64> {
         let chips = self.chips.iter().map(|chip| chip.next_us);
-        chips.chain(self.bus.next_due_us()).chain([self.next_physics_us]).min()
+        chips.chain(self.bus.next_due_us()).chain([self.body.next_us()]).min()
     }
 
-    /// The step that begins now; what it leads to is observed when it ends, at the next one.
     fn step_physics(&mut self) -> Health {
-        if self.now_us > 0 {
-            self.sensors.observe(&self.robot);
-            self.meter.observe(&self.robot);
-        }
-        let now_s = self.seconds();
-        let acting = self.episode.pushes.iter().map(|push| (push.force_n(now_s), push.height_m));
-        match acting.into_iter().find(|(force, _)| *force != [0.0; 3]) {
-            Some((force, height_m)) => self.robot.push(force, height_m),
-            None => self.robot.clear_push(),
-        }
-        for id in NodeId::ALL {
-            for joint in joints_of(id) {
-                let calibration = calibration_of(id);
-                let pins = calibration.command(self.commands[joint as usize]);
-                let drive = calibration.speed(pins).map_or(Drive::Brake, Drive::Velocity);
-                self.actuators.command(joint, drive);
-            }
-        }
-        self.actuators.apply(&mut self.robot);
-        self.robot.step();
-        self.next_physics_us += self.physics_us;
-        self.robot.health()
+        let commands = self.commands;
+        self.body.step(|id| joints_of(id).map(|joint| calibration_of(id).command(commands[joint as usize])))
     }
 
     fn deliver(&mut self) {
@@ -262,7 +224,7 @@ impl Sil {
 
     fn tick_coordinator(&mut self) {
         let now = self.now_us as u32;
-        let counts = self.sensors.imu(self.seconds());
+        let counts = self.body.imu(self.now_us);
         let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
         let bytes: Vec<u8> = self.to_coordinator.drain(..).collect();
         self.coordinator.on_host_bytes(now, &bytes, &mut bus, &mut host);
@@ -275,12 +237,9 @@ impl Sil {
     }
 
     fn tick_node(&mut self, id: NodeId, dt_us: u32) {
-        let joints = self.sensors.joints(self.seconds());
+        let sensors = calibration_of(id).sensors(&self.body.counts(id, self.now_us));
+        let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &sensors);
         let [left, right] = joints_of(id);
-        let load = if id == NodeId::Knee { self.sensors.pads_n(self.seconds()) } else { [0.0; 4] };
-        let calibration = calibration_of(id);
-        let counts = calibration.counts([left, right].map(|joint| joints[joint as usize]), load);
-        let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &calibration.sensors(&counts));
         self.commands[left as usize] = drive[0];
         self.commands[right as usize] = drive[1];
         for message in messages {
@@ -295,10 +254,6 @@ impl Sil {
         while let Some(bytes) = host.pop() {
             self.to_host.extend_from_slice(&bytes);
         }
-    }
-
-    fn seconds(&self) -> f64 {
-        self.now_us as f64 * 1e-6
     }
 
     /// Bytes from the host; read at the coordinator's next tick.
@@ -318,17 +273,17 @@ impl Sil {
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.
     pub fn robot(&self) -> &Robot {
-        &self.robot
+        self.body.robot()
     }
 
     /// What the robot has drawn so far.
     pub fn meter(&self) -> &EnergyMeter {
-        &self.meter
+        self.body.meter()
     }
 
     /// What happens to the robot in this episode.
     pub fn episode(&self) -> &Episode {
-        &self.episode
+        self.body.episode()
     }
 
     /// Commands of the nodes, in [`Joint`] order.
@@ -354,24 +309,6 @@ impl Sil {
     /// Pulls or plugs a station's bus connector.
     pub fn unplug(&mut self, station: Station, unplugged: bool) {
         self.bus.unplug(station, unplugged);
-    }
-}
-
-/// The joints of a node, left and right.
-pub fn joints_of(id: NodeId) -> [Joint; 2] {
-    match id {
-        NodeId::Knee => [Joint::LeftKnee, Joint::RightKnee],
-        NodeId::Hip => [Joint::LeftHip, Joint::RightHip],
-        NodeId::Abductor => [Joint::LeftAbductor, Joint::RightAbductor],
-    }
-}
-
-/// What a node's converter and pulse widths mean.
-pub fn calibration_of(id: NodeId) -> &'static Calibration {
-    match id {
-        NodeId::Knee => &calibration::KNEE,
-        NodeId::Hip => &calibration::HIP,
-        NodeId::Abductor => &calibration::ABDUCTOR,
     }
 }
 

@@ -8,7 +8,8 @@ use sarah_protocol::params::{Lpg, ParamSet};
 use sarah_protocol::telemetry::{Event, faults};
 use sarah_sim::bus::Station;
 use sarah_sim::robot::{Health, Joint};
-use sarah_sim::sil::{SilConfig, joints_of};
+use sarah_sim::body::joints_of;
+use sarah_sim::sil::SilConfig;
 use sarah_tests::{BRAKED, Bench, episode, generations, near_default, push, unattended};
 
 /// A coordinator or node tick at 100 Hz, ms.

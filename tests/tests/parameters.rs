@@ -15,7 +15,8 @@ use sarah_protocol::telemetry::faults;
 use sarah_sim::bus::Station;
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Push;
-use sarah_sim::sil::{Sil, SilConfig, joints_of};
+use sarah_sim::body::joints_of;
+use sarah_sim::sil::{Sil, SilConfig};
 use sarah_tests::{Bench, Dice, Noise, episode, generations, near_default, push};
 
 /// A push every two seconds, all around.
