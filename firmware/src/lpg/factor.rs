@@ -64,7 +64,7 @@ fn exp2_neg(x: u32) -> u32 {
     };
     // ((high − low) · rest) >> 12 in halves: 32 bits are one instruction, 64 a function call.
     let drop = high - low; // below 2^22
-    (high - (((drop >> 10) * rest + ((drop & 0x3ff) * rest >> 10)) >> 2)) >> whole
+    (high - (((drop >> 10) * rest + (((drop & 0x3ff) * rest) >> 10)) >> 2)) >> whole
 }
 
 /// 1 − denominator · rough in Q31, rounded down: (2^47 − denominator · rough) >> 16, without a product of 64 bits. The
