@@ -316,8 +316,8 @@ async fn housekeeping(mut watchdog: Watchdog) -> ! {
             watchdog.feed();
         }
         looks = looks.wrapping_add(1);
-        LED.pin.set(looks / 50 % 2 == 0);
-        if looks % LOOKS_PER_LINE == 0 {
+        LED.pin.set((looks / 50).is_multiple_of(2));
+        if looks.is_multiple_of(LOOKS_PER_LINE) {
             defmt::info!(
                 "{=u32} turns, {=u32} late, {=u32} without IMU; {=u32} frames dropped",
                 tick::raised(),
