@@ -20,7 +20,8 @@ pub enum Stop {
     Time,
     /// A violation was reported, and stopping at the first one was asked for.
     Violation,
-    /// BKPT, and halting at it was asked for. PC is at the BKPT.
+    /// A watched address ([`Chip::watch`]), which the next run passes; or BKPT, and halting at it was asked for. PC is
+    /// there.
     Breakpoint,
 }
 
@@ -198,6 +199,22 @@ impl Chip {
         }
     }
 
+    /// Reads through the bus, side effects included, as a debugger does.
+    pub fn bus_read(&mut self, address: u32, width: Width) -> u32 {
+        match self.peek(address, width) {
+            Some(value) => value,
+            None => self.peripherals.read(address, width, &mut self.context),
+        }
+    }
+
+    /// Writes to SRAM or a peripheral through the bus, as a debugger does.
+    pub fn bus_write(&mut self, address: u32, width: Width, value: u32) {
+        match Sram::contains(address) {
+            true => self.context.sram.write(address, width, value),
+            false => self.peripherals.write(address, width, value, &mut self.context),
+        }
+    }
+
     /// Findings about the firmware so far.
     pub fn violations(&self) -> &[Violation] {
         self.context.violations()
@@ -212,6 +229,11 @@ impl Chip {
     pub fn set_profiling(&mut self, on: bool) -> Option<Profile> {
         let profile = on.then(|| Box::new(Profile::new(self.context.symbols.clone())));
         std::mem::replace(&mut self.profile, profile).map(|profile| *profile)
+    }
+
+    /// Stops before the instruction at `pc` in the flash, or no longer; costs nothing elsewhere.
+    pub fn watch(&mut self, pc: u32, on: bool) {
+        self.context.nvm.watch(pc, on);
     }
 
     /// Awake time by function so far, while profiling.

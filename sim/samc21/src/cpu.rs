@@ -44,7 +44,7 @@ enum Fault {
     Instruction,
     /// A HardFault before the instruction that `pc` points at already.
     Target,
-    /// BKPT while breakpoints halt.
+    /// BKPT while breakpoints halt, or a watched address.
     Halt,
 }
 
@@ -110,6 +110,8 @@ pub struct Cpu {
     /// The loop leaves for [`Cpu::service`] at this time.
     deadline: Cycles,
     halts_at_bkpt: bool,
+    /// The watched instruction that is executed next time instead of halting.
+    passing: Option<u32>,
     instructions: u64,
     exceptions: u64,
 }
@@ -138,6 +140,7 @@ impl Cpu {
             systick: SysTick::default(),
             deadline: Cycles(0),
             halts_at_bkpt: false,
+            passing: None,
             instructions: 0,
             exceptions: 0,
         }
@@ -254,6 +257,8 @@ impl Cpu {
             self.pc = pc;
         }
         if fault == Fault::Halt {
+            self.instructions -= 1;
+            self.passing = Some(pc);
             return true;
         }
         self.hard_fault(ctx, peripherals);

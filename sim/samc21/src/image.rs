@@ -1,4 +1,4 @@
-//! Firmware images: what of an ELF goes into flash, and its functions.
+//! Firmware images: what of an ELF goes into flash, its functions and its variables.
 
 use object::elf;
 use object::read::elf::{FileHeader, ProgramHeader, Sym};
@@ -32,13 +32,15 @@ pub enum ImageError {
     Empty,
 }
 
-/// An image: the bytes to flash and the function names.
+/// An image: the bytes to flash, the names of functions and variables.
 #[derive(Clone, Debug, Default)]
 pub struct Image {
     /// Address and contents of each loadable segment.
     pub segments: Vec<(u32, Vec<u8>)>,
     /// Functions.
     pub symbols: Symbols,
+    /// Variables.
+    pub variables: Symbols,
 }
 
 impl Image {
@@ -71,19 +73,20 @@ impl Image {
         }
         let sections = header.sections(endian, bytes)?;
         let table = sections.symbols(endian, bytes, elf::SHT_SYMTAB)?;
-        let symbols = table
-            .iter()
-            .filter(|symbol| symbol.st_type() == elf::STT_FUNC)
-            .filter_map(|symbol| {
+        let named = |kind| {
+            let named = table.iter().filter(|symbol| symbol.st_type() == kind).filter_map(|symbol| {
                 let name = String::from_utf8_lossy(symbol.name(endian, table.strings()).ok()?).into_owned();
+                // Without the hash that tells two compilations apart.
+                let name = format!("{:#}", rustc_demangle::demangle(&name));
                 Some(Symbol { address: symbol.st_value(endian) & !1, size: symbol.st_size(endian), name })
-            })
-            .collect();
-        Ok(Image { segments, symbols: Symbols::new(symbols) })
+            });
+            Symbols::new(named.collect())
+        };
+        Ok(Image { segments, symbols: named(elf::STT_FUNC), variables: named(elf::STT_OBJECT) })
     }
 
     /// An image without symbols, of `code` at address 0.
     pub fn from_binary(code: &[u8]) -> Self {
-        Image { segments: vec![(0, code.to_vec())], symbols: Symbols::default() }
+        Image { segments: vec![(0, code.to_vec())], ..Image::default() }
     }
 }

@@ -6,8 +6,11 @@
 //! exactly the wait states; without the cache the line read last stays at hand; RWWEE and the auxiliary space are not
 //! cached but otherwise alike.
 
+use std::collections::BTreeSet;
+
 use crate::Width;
 use crate::cpu::decode::{Op, decode};
+use crate::time::Cycles;
 
 /// Bytes of the main array, from address 0.
 pub const FLASH_SIZE: usize = 256 * 1024;
@@ -46,8 +49,12 @@ pub enum ReadMode {
 pub struct Nvm {
     /// The instruction that begins at each halfword of the flash.
     code: Box<[Op]>,
+    /// Addresses at which execution halts, without the Thumb bit.
+    watched: BTreeSet<u32>,
     lines: [u32; CACHE_LINES],
     wait_states: u8,
+    /// Until then the RWWEE section is being worked on.
+    rwwee_busy: Cycles,
     mode: ReadMode,
     flash: Box<[u8]>,
     rwwee: Box<[u8]>,
@@ -59,8 +66,10 @@ impl Default for Nvm {
         let erased = |size| vec![0xff; size].into_boxed_slice();
         Nvm {
             code: vec![Op::Undefined; FLASH_SIZE / 2].into_boxed_slice(),
+            watched: BTreeSet::new(),
             lines: [NO_LINE; CACHE_LINES],
             wait_states: 0,
+            rwwee_busy: Cycles(0),
             mode: ReadMode::NoMissPenalty,
             flash: erased(FLASH_SIZE),
             rwwee: erased(RWWEE_SIZE),
@@ -93,6 +102,16 @@ impl Nvm {
             [a, b, c, d] => u32::from_le_bytes([a, b, c, d]),
             _ => return None,
         })
+    }
+
+    /// Makes reading the RWWEE section wait until `until`.
+    pub fn hold_rwwee(&mut self, until: Cycles) {
+        self.rwwee_busy = until;
+    }
+
+    /// From when on `address` can be read.
+    pub(crate) fn readable_from(&self, address: u32) -> Cycles {
+        if address.wrapping_sub(RWWEE_BASE) < RWWEE_SIZE as u32 { self.rwwee_busy } else { Cycles(0) }
     }
 
     /// Sets the wait states and what the cache does, and empties it.
@@ -173,8 +192,37 @@ impl Nvm {
         let last = (address as usize + length).div_ceil(2).min(FLASH_SIZE / 2);
         let half = |at: usize| self.flash.get(at * 2..at * 2 + 2).map_or(0xffff, |b| u16::from_le_bytes([b[0], b[1]]));
         for at in first..last {
-            self.code[at] = decode(at as u32 * 2, half(at), half(at + 1));
+            let pc = at as u32 * 2;
+            self.code[at] = match self.watched.contains(&pc) {
+                true => Op::Watched,
+                false => decode(pc, half(at), half(at + 1)),
+            };
         }
+    }
+
+    /// Halts execution before the instruction at `pc` in the flash, or no longer. What the chip reads there is unchanged,
+    /// and so is its timing.
+    pub fn watch(&mut self, pc: u32, on: bool) {
+        if pc as usize >= FLASH_SIZE {
+            return;
+        }
+        match on {
+            true => {
+                self.watched.insert(pc & !1);
+                self.code[pc as usize >> 1] = Op::Watched;
+            }
+            false => {
+                self.watched.remove(&(pc & !1));
+                let op = self.unwatched(pc);
+                self.code[pc as usize >> 1] = op;
+            }
+        }
+    }
+
+    /// The instruction at `pc` in the flash, watched or not.
+    pub(crate) fn unwatched(&self, pc: u32) -> Op {
+        let half = |pc: u32| self.read(pc & !1, Width::Half).map_or(0xffff, |half| half as u16);
+        decode(pc & !1, half(pc), half(pc.wrapping_add(2)))
     }
 
     fn section(&self, address: u32) -> Option<(&[u8], usize)> {

@@ -3,7 +3,7 @@
 mod support;
 
 use samc21::machine::SLICE;
-use samc21::{Chip, Cycles, Exchange, Image, ImageError, Irq, Machine, Width};
+use samc21::{Chip, Cycles, Exchange, Image, ImageError, Irq, Machine, Stop, Width};
 use support::build::build;
 use support::thumb::*;
 
@@ -38,6 +38,22 @@ fn a_snapshot_continues_as_the_original_does() {
     chip.run_until(Cycles(300_000));
     snapshot.run_until(Cycles(300_000));
     assert_eq!(state(&chip), state(&snapshot));
+}
+
+#[test]
+fn a_watched_address_halts_before_it_and_nothing_else_changes() {
+    let program = Program::new(&[adds(0, 1), adds(1, 1), 0xe7fc]);
+    let (mut plain, mut watched) = (program.chip(), program.chip());
+    watched.watch(MAIN + 2, true);
+    for round in 1..=5 {
+        assert_eq!(watched.run_until(Cycles(1_000)), Stop::Breakpoint);
+        let registers = watched.cpu().registers();
+        assert_eq!((registers.r[15], registers.r[0], registers.r[1]), (MAIN + 2, round, round - 1));
+    }
+    watched.watch(MAIN + 2, false);
+    assert_eq!(watched.run_until(Cycles(1_000)), Stop::Time);
+    plain.run_until(Cycles(1_000));
+    assert_eq!(state(&plain), state(&watched));
 }
 
 #[test]

@@ -97,6 +97,8 @@ pub(crate) enum Op {
     Mrs { d: u8, special: u8 },
     /// DMB, DSB, ISB.
     Barrier,
+    /// An instruction that a debugger watches; what it really is stands in the flash.
+    Watched,
     Undefined,
 }
 

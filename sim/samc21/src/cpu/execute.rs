@@ -162,6 +162,7 @@ impl Cpu {
                 self.pc = target;
             }
             Op::Nop => {}
+            Op::Watched => return self.execute_watched(pc, ctx, bus),
             Op::Cps { .. }
             | Op::Bkpt
             | Op::Svc
@@ -175,6 +176,16 @@ impl Cpu {
         }
         self.spend(cost, ctx);
         Ok(())
+    }
+
+    /// Halts, or executes what is really there when it has halted here before.
+    #[cold]
+    #[inline(never)]
+    fn execute_watched(&mut self, pc: u32, ctx: &mut Context, bus: &mut Peripherals) -> Result<(), Fault> {
+        if self.passing.take() != Some(pc) {
+            return Err(Fault::Halt);
+        }
+        self.execute(ctx.nvm.unwatched(pc), pc, ctx, bus)
     }
 
     /// The instructions that are rare or end the loop; returns the cost.
