@@ -10,7 +10,6 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod attitude;
-#[cfg(any(feature = "samc21", test))]
 pub mod board;
 pub mod calibration;
 pub mod coordinator;

@@ -1,5 +1,5 @@
 //! The boards the firmware runs on: everything between the pure library and the pins.
 
-#[cfg(any(target_os = "none", test))]
+#[cfg(any(all(feature = "samc21", target_os = "none"), test))]
 pub mod imu;
 pub mod samc21;

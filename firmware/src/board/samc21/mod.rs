@@ -9,46 +9,54 @@
 //! - `uart`, `spi`, `nvm`: host link, IMU bus, stored parameters of the coordinator.
 //! - `node`: the three node images. `coordinator`: the fourth.
 //!
-//! What touches the chip is built for the chip only; everything linked above is tested on the host.
+//! What touches the chip is built for the chip only; everything linked above is tested on the host. [`pins`] and
+//! [`wiring`] are plain data, and there for whoever stands in for the robot.
 //! **Built, never run on silicon yet**; what no source at hand confirms is marked UNVERIFIED.
 
+#[cfg(any(feature = "samc21", test))]
 pub mod boot;
+#[cfg(any(feature = "samc21", test))]
 pub mod clocks;
+#[cfg(any(feature = "samc21", test))]
 pub mod divider;
 pub mod pins;
+#[cfg(any(feature = "samc21", test))]
 pub mod queue;
+#[cfg(any(feature = "samc21", test))]
 pub mod regs;
+#[cfg(any(feature = "samc21", test))]
 pub mod vectors;
+#[cfg(any(feature = "samc21", test))]
 pub mod vitals;
 pub mod wiring;
 
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod adc;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod can;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod coordinator;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod dma;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod executor;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod fault;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod log;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod node;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod nvm;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod outputs;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod spi;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod tick;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod time_driver;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod uart;
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod watchdog;

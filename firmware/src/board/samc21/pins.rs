@@ -67,7 +67,7 @@ impl Pin {
     }
 }
 
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 mod driver {
     use super::super::regs::port::{GROUP_STRIDE, Group as Registers, MmioGroup, PORT_IOBUS, PinCfg, Pmux};
     use super::{Function, Pin};
@@ -149,5 +149,5 @@ mod driver {
     }
 }
 
-#[cfg(target_os = "none")]
+#[cfg(all(feature = "samc21", target_os = "none"))]
 pub use driver::Output;

@@ -7,13 +7,14 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Room for `N` items, a power of two.
+/// Room for `N` items, a power of two. The counters come first, where an emulator finds them.
+#[repr(C)]
 pub struct Queue<T: Copy, const N: usize> {
-    slots: UnsafeCell<[MaybeUninit<T>; N]>,
     /// Items ever sent; wraps.
     sent: AtomicU32,
     /// Items ever received; wraps.
     received: AtomicU32,
+    slots: UnsafeCell<[MaybeUninit<T>; N]>,
 }
 
 /// The sending side.
