@@ -31,6 +31,8 @@ pub struct Context {
     /// Functions of the image, for findings.
     pub symbols: Symbols,
     pub(crate) lines: u32,
+    /// Units that hold [`Irq::System`], by the bit of their number.
+    system: u64,
     /// The CPU must look at lines, calendar and requests before its next instruction.
     pub(crate) attention: bool,
     pub(crate) nmi: bool,
@@ -53,6 +55,13 @@ impl Context {
         let lines = if asserted { self.lines | irq.bit() } else { self.lines & !irq.bit() };
         self.attention |= lines != self.lines;
         self.lines = lines;
+    }
+
+    /// Sets `unit`'s share of the line that the clock, power and access controllers have in common.
+    pub fn set_system_irq(&mut self, unit: Unit, asserted: bool) {
+        let bit = 1 << unit as u32;
+        self.system = if asserted { self.system | bit } else { self.system & !bit };
+        self.set_irq(Irq::System, self.system != 0);
     }
 
     /// Pends the non-maskable interrupt.
@@ -99,9 +108,10 @@ impl Context {
             self.sram = Sram::default();
         }
         self.nvm.set_timing(0, ReadMode::NoMissPenalty);
+        self.nvm.hold_rwwee(Cycles(0));
         self.clocks = Clocks::default();
         self.wires.release();
-        self.lines = 0;
+        (self.lines, self.system) = (0, 0);
         self.nmi = false;
         self.bus_error = false;
         self.reset_request = None;

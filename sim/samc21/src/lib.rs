@@ -14,6 +14,7 @@
 //!
 //! Time is counted in [`Cycles`] of 48 MHz. A sleeping chip jumps to its next event.
 
+pub mod can_bus;
 pub mod chip;
 pub mod clocks;
 pub mod context;
@@ -24,6 +25,7 @@ pub mod irq;
 pub mod machine;
 pub mod nvm;
 pub mod peripherals;
+pub mod pins;
 pub mod profile;
 pub mod reset;
 pub mod sram;
@@ -34,6 +36,7 @@ pub mod violation;
 pub mod width;
 pub mod wires;
 
+pub use can_bus::CanBus;
 pub use chip::{Chip, Stop};
 pub use clocks::{Clocks, Hertz};
 pub use context::Context;

@@ -4,7 +4,22 @@
 //! A model is a plain struct with its registers, one field of [`Peripherals`] and one arm of `with_model!`. No model
 //! knows another: they meet in [`Context`].
 
+pub mod can;
+mod counter;
 pub mod divas;
+pub mod dsu;
+pub mod gclk;
+pub mod mclk;
+pub mod nvmctrl;
+pub mod osc32kctrl;
+pub mod oscctrl;
+pub mod pm;
+pub mod port;
+mod registers;
+pub mod rstc;
+pub mod supc;
+pub mod tc;
+pub mod wdt;
 
 use crate::context::Context;
 use crate::reset::Reset;
@@ -13,7 +28,20 @@ use crate::unit::{Unit, on_io_bus};
 use crate::violation::{Access, Kind};
 use crate::width::Width;
 
+use can::Can;
 use divas::Divas;
+use dsu::Dsu;
+use gclk::Gclk;
+use mclk::Mclk;
+use nvmctrl::Nvmctrl;
+use osc32kctrl::Osc32kctrl;
+use oscctrl::Oscctrl;
+use pm::Pm;
+use port::Port;
+use rstc::Rstc;
+use supc::Supc;
+use tc::Tc;
+use wdt::Wdt;
 
 /// CPU cycles that an access through an AHB-APB bridge takes beyond the load's or store's own two.
 ///
@@ -55,6 +83,32 @@ pub trait Model {
 /// All peripheral models of a chip.
 #[derive(Clone, Debug)]
 pub struct Peripherals {
+    /// CAN0 and CAN1.
+    pub can: [Can; 2],
+    /// RSTC.
+    pub rstc: Rstc,
+    /// DSU.
+    pub dsu: Dsu,
+    /// PM.
+    pub pm: Pm,
+    /// SUPC.
+    pub supc: Supc,
+    /// MCLK.
+    pub mclk: Mclk,
+    /// GCLK.
+    pub gclk: Gclk,
+    /// OSC32KCTRL.
+    pub osc32kctrl: Osc32kctrl,
+    /// OSCCTRL.
+    pub oscctrl: Oscctrl,
+    /// WDT.
+    pub wdt: Wdt,
+    /// NVMCTRL.
+    pub nvmctrl: Nvmctrl,
+    /// PORT.
+    pub port: Port,
+    /// TC0 to TC4.
+    pub tc: [Tc; 5],
     /// Divide and square root accelerator.
     pub divas: Divas,
     /// When each unit's model acts next, by unit number.
@@ -67,6 +121,78 @@ pub struct Peripherals {
 macro_rules! with_model {
     ($self:ident, $unit:expr, $model:ident => $body:expr, else $absent:expr) => {
         match $unit {
+            Unit::Can0 => {
+                let $model = &mut $self.can[0];
+                $body
+            }
+            Unit::Can1 => {
+                let $model = &mut $self.can[1];
+                $body
+            }
+            Unit::Rstc => {
+                let $model = &mut $self.rstc;
+                $body
+            }
+            Unit::Dsu => {
+                let $model = &mut $self.dsu;
+                $body
+            }
+            Unit::Pm => {
+                let $model = &mut $self.pm;
+                $body
+            }
+            Unit::Supc => {
+                let $model = &mut $self.supc;
+                $body
+            }
+            Unit::Mclk => {
+                let $model = &mut $self.mclk;
+                $body
+            }
+            Unit::Gclk => {
+                let $model = &mut $self.gclk;
+                $body
+            }
+            Unit::Osc32kctrl => {
+                let $model = &mut $self.osc32kctrl;
+                $body
+            }
+            Unit::Oscctrl => {
+                let $model = &mut $self.oscctrl;
+                $body
+            }
+            Unit::Wdt => {
+                let $model = &mut $self.wdt;
+                $body
+            }
+            Unit::Nvmctrl => {
+                let $model = &mut $self.nvmctrl;
+                $body
+            }
+            Unit::Port => {
+                let $model = &mut $self.port;
+                $body
+            }
+            Unit::Tc0 => {
+                let $model = &mut $self.tc[0];
+                $body
+            }
+            Unit::Tc1 => {
+                let $model = &mut $self.tc[1];
+                $body
+            }
+            Unit::Tc2 => {
+                let $model = &mut $self.tc[2];
+                $body
+            }
+            Unit::Tc3 => {
+                let $model = &mut $self.tc[3];
+                $body
+            }
+            Unit::Tc4 => {
+                let $model = &mut $self.tc[4];
+                $body
+            }
             Unit::Divas => {
                 let $model = &mut $self.divas;
                 $body
@@ -78,7 +204,24 @@ macro_rules! with_model {
 
 impl Default for Peripherals {
     fn default() -> Self {
-        Peripherals { divas: Divas::default(), due: [Cycles::NEVER; Unit::COUNT], next: Cycles::NEVER }
+        Peripherals {
+            can: [Can::new(0), Can::new(1)],
+            rstc: Rstc::default(),
+            dsu: Dsu::default(),
+            pm: Pm::default(),
+            supc: Supc::default(),
+            mclk: Mclk::default(),
+            gclk: Gclk::default(),
+            osc32kctrl: Osc32kctrl::default(),
+            oscctrl: Oscctrl::default(),
+            wdt: Wdt::default(),
+            nvmctrl: Nvmctrl::default(),
+            port: Port::default(),
+            tc: std::array::from_fn(Tc::new),
+            divas: Divas::default(),
+            due: [Cycles::NEVER; Unit::COUNT],
+            next: Cycles::NEVER,
+        }
     }
 }
 
@@ -127,7 +270,9 @@ impl Peripherals {
     pub fn store_nvm(&mut self, address: u32, width: Width, value: u32, ctx: &mut Context) {
         ctx.access = Some(Access { address, width, written: Some(value & width.mask()) });
         ctx.unit = Some(Unit::Nvmctrl);
-        unmodelled(ctx);
+        self.nvmctrl.store(address, width, value, ctx);
+        let due = self.nvmctrl.next_event();
+        self.schedule(Unit::Nvmctrl, due, ctx);
         self.finish(ctx);
     }
 

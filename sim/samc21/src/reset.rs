@@ -24,6 +24,12 @@ impl Reset {
         1 << self as u8
     }
 
+    /// Whether it came from the supply: then nothing but non-volatile memory outlasts it (data sheet: RSTC, "Reset
+    /// Causes and Effects").
+    pub const fn is_of_supply(self) -> bool {
+        matches!(self, Reset::PowerOn | Reset::BrownOutCore | Reset::BrownOutSupply)
+    }
+
     /// Whether SRAM contents are lost.
     pub const fn loses_sram(self) -> bool {
         matches!(self, Reset::PowerOn)

@@ -6,32 +6,7 @@
 use std::collections::VecDeque;
 
 use crate::Cycles;
-
-/// One group of 32 port pins, PA or PB.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Pins {
-    /// Pins that the outside drives.
-    pub driven: u32,
-    /// The level the outside drives onto them.
-    pub level: u32,
-    /// Pins that the chip drives (PORT.DIR, or a peripheral through PMUX).
-    pub output: u32,
-    /// The level the chip drives onto them.
-    pub output_level: u32,
-}
-
-impl Pins {
-    /// The level seen on the wire: what the chip drives wins over what the outside drives, else low.
-    pub const fn seen(&self) -> u32 {
-        (self.output & self.output_level) | (!self.output & self.driven & self.level)
-    }
-
-    /// Drives pin `pin` from outside.
-    pub fn drive(&mut self, pin: u8, high: bool) {
-        self.driven |= 1 << pin;
-        self.level = self.level & !(1 << pin) | u32::from(high) << pin;
-    }
-}
+pub use crate::pins::Pins;
 
 /// A byte on a serial line, and how it arrived.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -63,6 +38,37 @@ pub trait SpiDevice: Send {
     fn boxed_clone(&self) -> Box<dyn SpiDevice>;
 }
 
+/// An SPI device and how it is selected.
+pub struct SpiLink {
+    /// The device.
+    pub device: Box<dyn SpiDevice>,
+    /// Group and number of the pin that selects it while low; `None`: the SERCOM's own select.
+    pub select: Option<(usize, u8)>,
+    /// The device is selected.
+    pub selected: bool,
+}
+
+impl SpiLink {
+    /// A device selected by a low level on a pin of a group (0: PA, 1: PB).
+    pub fn new(device: impl SpiDevice + 'static, select: (usize, u8)) -> Self {
+        SpiLink { device: Box::new(device), select: Some(select), selected: false }
+    }
+
+    /// Selects or deselects the device.
+    pub fn set_selected(&mut self, selected: bool, now: Cycles) {
+        if self.selected != selected {
+            self.selected = selected;
+            self.device.select(selected, now);
+        }
+    }
+}
+
+impl Clone for SpiLink {
+    fn clone(&self) -> Self {
+        SpiLink { device: self.device.boxed_clone(), ..*self }
+    }
+}
+
 /// A device on the I²C wires of a SERCOM.
 pub trait I2cDevice: Send {
     /// A start condition addresses `address`; whether the device acknowledges.
@@ -86,7 +92,7 @@ pub enum Serial {
     /// A UART partner.
     Uart(Uart),
     /// An SPI device.
-    Spi(Box<dyn SpiDevice>),
+    Spi(SpiLink),
     /// An I²C device.
     I2c(Box<dyn I2cDevice>),
 }
@@ -96,7 +102,7 @@ impl Clone for Serial {
         match self {
             Serial::Open => Serial::Open,
             Serial::Uart(uart) => Serial::Uart(uart.clone()),
-            Serial::Spi(device) => Serial::Spi(device.boxed_clone()),
+            Serial::Spi(link) => Serial::Spi(link.clone()),
             Serial::I2c(device) => Serial::I2c(device.boxed_clone()),
         }
     }
@@ -120,7 +126,9 @@ pub struct Pwm {
     pub duty: f32,
     /// Period in 48 MHz ticks, zero while the counter stands.
     pub period: u32,
-    /// A fault input holds the output at its safe level.
+    /// The counter drives the output; otherwise whatever else is connected decides.
+    pub driven: bool,
+    /// A fault holds the output at its safe level.
     pub faulted: bool,
 }
 
@@ -145,39 +153,93 @@ pub struct CanFrame {
     pub data: [u8; 64],
 }
 
+/// An error as the protocol classifies it; the value is M_CAN's last error code (PSR.LEC).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[repr(u8)]
+pub enum CanError {
+    /// Six equal bits where stuffing forbids them.
+    Stuff = 1,
+    /// A fixed part of the frame had the wrong level.
+    Form = 2,
+    /// Nobody acknowledged.
+    Acknowledge = 3,
+    /// Sent recessive, saw dominant.
+    Bit1 = 4,
+    /// Sent dominant, saw recessive.
+    Bit0 = 5,
+    /// The check sum was wrong.
+    Crc = 6,
+}
+
 /// What the bus told a CAN controller.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum CanEvent {
+    /// The sequences of recessive bits asked for in [`CanPort::joining`] have passed.
+    Joined,
     /// Somebody else's frame ended without error.
     Received(CanFrame),
     /// The frame in [`CanPort::offered`] was sent and acknowledged.
     Sent,
     /// The frame in [`CanPort::offered`] lost arbitration; it stays offered.
     ArbitrationLost,
-    /// An error frame ended the transmission or reception in progress (M_CAN last error code, PSR.LEC).
-    Error(u8),
+    /// An error ended the transmission or reception in progress.
+    Error {
+        /// What was wrong.
+        error: CanError,
+        /// The controller was sending.
+        sending: bool,
+        /// After the bit rate switch.
+        data_phase: bool,
+        /// What it adds to the error counter of the role (ISO 11898-1, 12.1.4.2): 8 for a sender, none for an
+        /// error-passive one that nobody answered; 1 for a receiver, 8 more if it was the first to see the error.
+        weight: u16,
+    },
 }
 
-/// Bit timing of a controller, in ticks of 48 MHz per bit.
+/// Bit timing of a controller, in ticks of 48 MHz.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct CanTiming {
-    /// Arbitration phase.
+    /// One bit of the arbitration phase.
     pub nominal: u32,
-    /// Data phase after the bit rate switch.
+    /// Its start to its sample point.
+    pub nominal_sample: u32,
+    /// One bit of the data phase after the bit rate switch.
     pub data: u32,
+    /// Its start to its sample point.
+    pub data_sample: u32,
 }
 
 /// A CAN controller's connection to the shared bus. The bus runs between slices, the controller inside them.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct CanPort {
-    /// Set by the controller while it takes part in bus traffic (not in INIT, not bus-off).
+    /// Set by the controller while it is connected to the bus (not in INIT).
     pub timing: Option<CanTiming>,
+    /// Set by the controller: sequences of 11 recessive bits to wait for before it takes part. Counted down by the bus.
+    pub joining: u16,
+    /// Set by the controller: it understands FD frames.
+    pub fd: bool,
+    /// Set by the controller: it only listens, without acknowledging and without error flags.
+    pub silent: bool,
+    /// Set by the controller: it is error passive.
+    pub passive: bool,
     /// The frame the controller wants to send next, and since when: its highest-priority pending one.
     pub offered: Option<(Cycles, CanFrame)>,
     /// Set by the bus, with the time of each event; taken by the controller when that time has come.
     pub events: VecDeque<(Cycles, CanEvent)>,
     /// Set by the bus while a frame that `offered` started is on the wire: cancelling it is too late.
     pub transmitting: bool,
+}
+
+impl CanPort {
+    /// Takes part in the traffic.
+    pub fn takes_part(&self) -> bool {
+        self.timing.is_some() && self.joining == 0
+    }
+
+    /// The controller leaves the bus: what is under way is lost.
+    pub fn leave(&mut self) {
+        *self = CanPort::default();
+    }
 }
 
 /// All wires of a chip.
@@ -187,6 +249,8 @@ pub struct Wires {
     pub pins: [Pins; 2],
     /// Voltage at each positive input of ADC0 and ADC1 (AIN0 to AIN11), V.
     pub analog: [[f32; 12]; 2],
+    /// The watch crystal does not oscillate.
+    pub crystal_fails: bool,
     /// Supply and ADC reference (VDDANA), V.
     pub supply: f32,
     /// Waveform outputs of TCC0, TCC1, TCC2.
@@ -200,14 +264,28 @@ pub struct Wires {
 }
 
 impl Wires {
+    /// Tells SPI devices whose select pin has changed. To be called after the chip has moved its pins.
+    pub(crate) fn follow_selects(&mut self, now: Cycles) {
+        for serial in &mut self.serial {
+            if let Serial::Spi(link) = serial
+                && let Some((group, pin)) = link.select
+            {
+                // A pin that nobody drives is pulled up on the board.
+                let pins = &self.pins[group];
+                let low = pins.seen() >> pin & 1 == 0 && (pins.output | pins.driven) >> pin & 1 != 0;
+                link.set_selected(low, now);
+            }
+        }
+    }
+
     /// The chip lets go of everything it drives, as in reset. What the outside drives stays.
     pub(crate) fn release(&mut self) {
         for pins in &mut self.pins {
-            (pins.output, pins.output_level) = (0, 0);
+            pins.release();
         }
         self.pwm = Default::default();
         for can in &mut self.can {
-            (can.timing, can.offered) = (None, None);
+            can.leave();
         }
     }
 }

@@ -62,6 +62,7 @@ impl Cpu {
             ctx.now += timing::ACCESS * ticks;
         }
         if width.aligns(address) && Nvm::contains(address) {
+            ctx.now = ctx.now.max(ctx.nvm.readable_from(address));
             if !ctx.nvm.is_at_hand(address) {
                 ctx.now += ctx.nvm.fetch_line(address) * ticks;
             }
