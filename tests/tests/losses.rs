@@ -6,9 +6,9 @@ use sarah_firmware::lpg::knee::Phase;
 use sarah_protocol::bus::{HaltReason, Mode, NodeId};
 use sarah_protocol::params::{Lpg, ParamSet};
 use sarah_protocol::telemetry::{Event, faults};
+use sarah_sim::body::joints_of;
 use sarah_sim::bus::Station;
 use sarah_sim::robot::{Health, Joint};
-use sarah_sim::body::joints_of;
 use sarah_sim::sil::SilConfig;
 use sarah_tests::{BRAKED, Bench, episode, generations, near_default, push, unattended};
 

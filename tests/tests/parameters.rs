@@ -12,10 +12,10 @@ use sarah_protocol::host::{Ack, AckState, Command, Refusal, Report, ToHost, ToRo
 use sarah_protocol::params::{Lpg, ParamError, ParamSet, SPECS};
 use sarah_protocol::session::{News, State};
 use sarah_protocol::telemetry::faults;
+use sarah_sim::body::joints_of;
 use sarah_sim::bus::Station;
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Push;
-use sarah_sim::body::joints_of;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_tests::{Bench, Dice, Noise, episode, generations, near_default, push};
 
