@@ -37,7 +37,7 @@ pub fn decode(address: u32, code: &[u8]) -> (Effect, u32) {
     }
     let effect = match first {
         _ if first >> 9 == 0b1011010 => Effect::Push(4 * (first & 0x1ff).count_ones()),
-        _ if first >> 7 == 0b1011_0000_1 => Effect::Push(4 * (first & 0x7f)),
+        _ if first >> 7 == 0b1_0110_0001 => Effect::Push(4 * (first & 0x7f)),
         // ADD SP, Rm
         _ if first & 0xff87 == 0x4485 => Effect::AddSp((first >> 3 & 15) as u8),
         _ if first >> 11 == 0b01001 => {
