@@ -169,10 +169,7 @@ impl Group {
         let peripheral = pins.function.iter().rev().fold(0, |mask, function| mask << 1 | u32::from(function.is_some()));
         (pins.output, pins.output_level) = (self.dir & !peripheral, self.out);
         (pins.pull, pins.pull_level) = (self.with(PULLEN) & !pins.output, self.out);
-        if ctx.wires.pins[index] != before {
-            ctx.wires.changed = true;
-            ctx.wires.follow_selects(ctx.now);
-        }
+        ctx.wires.changed |= ctx.wires.pins[index] != before;
     }
 }
 
