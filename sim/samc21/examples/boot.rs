@@ -39,16 +39,16 @@ fn run(image: &Image, millis: u64) {
     for (group, pin) in PULLED_DOWN {
         wires.pins[group].solder(pin, false);
     }
-    chip.set_profiling(true);
     let start = Instant::now();
-    // Awake time per tick, once the tick runs at the CPU's full speed.
-    let (mut ticks, mut last_awake) = (vec![], None);
+    // Awake time per tick.
+    let (mut ticks, mut last_awake) = (vec![], 0);
     for n in 1..=millis * 10 {
         chip.run_until(Cycles(n * TICK));
-        let awake = chip.awake();
-        if let Some(last) = last_awake.replace(awake).filter(|_| chip.context().clocks.cpu_ticks == 1) {
-            ticks.push(awake - last);
+        if n == millis * 5 {
+            chip.set_profiling(true);
         }
+        ticks.push(chip.awake() - last_awake);
+        last_awake = chip.awake();
         if chip.cpu().is_locked_up() {
             println!("locked up");
             break;
@@ -79,10 +79,9 @@ fn run(image: &Image, millis: u64) {
     println!("PA20, PA21, PB30, PB31 are high for {brakes:?}");
     if let Some(profile) = chip.profile() {
         let functions = profile.functions();
-        let all: u64 = functions.iter().map(|(_, ticks)| ticks).sum();
-        println!("where its awake time goes:");
-        for (name, ticks) in functions.into_iter().take(12) {
-            println!("  {:5.1} % {name}", 100.0 * ticks as f64 / all as f64);
+        println!("where they go:");
+        for (name, cycles) in functions.into_iter().take(15) {
+            println!("  {:6.0} {name}", cycles as f64 / (millis * 5) as f64);
         }
     }
     println!("{} violations", chip.context().violation_count());

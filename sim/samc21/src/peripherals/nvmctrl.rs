@@ -99,7 +99,7 @@ impl Model for Nvmctrl {
             part.of(match part.register {
                 CTRLB => self.ctrlb,
                 // Pages of the main array, 64 bytes each, pages of RWWEE.
-                PARAM => FLASH_SIZE as u32 / PAGE | 3 << 16 | RWWEE_SIZE as u32 / PAGE << 20,
+                PARAM => (FLASH_SIZE as u32 / PAGE) | 3 << 16 | (RWWEE_SIZE as u32 / PAGE) << 20,
                 INTENCLR | INTENSET => self.enabled,
                 INTFLAG => self.flags(ctx.now),
                 STATUS => self.status,
@@ -193,7 +193,7 @@ impl Nvmctrl {
 
     fn flags(&self, now: Cycles) -> u32 {
         let busy = self.task.is_some_and(|task| now < task.until);
-        u32::from(!busy) * READY | u32::from(self.error) * ERROR
+        (if busy { 0 } else { READY }) | if self.error { ERROR } else { 0 }
     }
 
     fn update(&self, ctx: &mut Context) {

@@ -75,11 +75,6 @@ impl Part {
     pub(super) const fn onto(&self, old: u32) -> u32 {
         old & !self.mask | self.value
     }
-
-    /// Whether the write reaches `bits` of the register.
-    pub(super) const fn covers(&self, bits: u32) -> bool {
-        self.mask & bits != 0
-    }
 }
 
 /// The registers of a block.
@@ -205,7 +200,6 @@ mod tests {
         let mut ctx = Context::default();
         let part = MAP.write(1, Width::Byte, 0xab, &mut ctx).expect("a register");
         assert_eq!((part.register, part.onto(0x12_3405), part.ones()), (0, 0x12_ab05, 0xab00));
-        assert!(part.covers(0x100) && !part.covers(1));
         let part = MAP.read(1, Width::Byte, &mut ctx).expect("a register");
         assert_eq!(part.of(0x12_3456) & 0xff, 0x34);
         assert_eq!(kinds(&mut ctx), []);

@@ -353,7 +353,7 @@ impl Tc {
     }
 
     fn status(&self) -> u32 {
-        u32::from(!self.counter.is_running()) * STATUS_STOP | self.buffers_valid
+        self.buffers_valid | if self.counter.is_running() { 0 } else { STATUS_STOP }
     }
 }
 

@@ -92,6 +92,9 @@ const STATUS_FAULTS: u32 = 3 << 14;
 /// STATUS.CCBUFV0; the others follow.
 const STATUS_CCBUFV: u32 = 1 << 16;
 
+/// All that say a buffer is full.
+const STATUS_BUFFERS: u32 = STATUS_PATTBUFV | STATUS_PERBUFV | 0xf << 16;
+
 const SYNC_SWRST: u32 = 0;
 const SYNC_ENABLE: u32 = 1;
 const SYNC_CTRLB: u32 = 2;
@@ -147,6 +150,12 @@ impl Default for Tcc {
 }
 
 impl Tcc {
+    /// The compare value of a channel that is in force, or will be from the next period on.
+    pub fn upcoming(&self, channel: usize) -> u32 {
+        let buffered = self.status & STATUS_CCBUFV << channel != 0;
+        if buffered { self.ccbuf[channel] } else { self.cc[channel] }
+    }
+
     /// TCC number `index`.
     pub fn new(index: usize) -> Self {
         Tcc {
@@ -266,7 +275,7 @@ impl Tcc {
 
     fn take_buffers(&mut self, at: Cycles) {
         let valid = self.status;
-        self.status &= !(STATUS_PATTBUFV | STATUS_PERBUFV | 0xf * STATUS_CCBUFV);
+        self.status &= !(STATUS_BUFFERS);
         for (n, (cc, buffer)) in self.cc.iter_mut().zip(self.ccbuf).enumerate() {
             if valid & STATUS_CCBUFV << n != 0 {
                 *cc = buffer;
@@ -282,7 +291,7 @@ impl Tcc {
     }
 
     fn has_buffers(&self) -> bool {
-        self.ctrlb & LUPD == 0 && self.status & (STATUS_PATTBUFV | STATUS_PERBUFV | 0xf * STATUS_CCBUFV) != 0
+        self.ctrlb & LUPD == 0 && self.status & (STATUS_BUFFERS) != 0
     }
 
     fn is_faulted(&self) -> bool {
@@ -391,7 +400,7 @@ impl Model for Tcc {
                 EVCTRL => self.evctrl,
                 INTENCLR | INTENSET => self.enabled,
                 INTFLAG => self.flags,
-                STATUS => self.status | u32::from(!self.counter.is_running()) * STATUS_STOP,
+                STATUS => self.status | if self.counter.is_running() { 0 } else { STATUS_STOP },
                 COUNT => self.copied,
                 PATT => self.patt,
                 WAVE => self.wave,
