@@ -201,18 +201,22 @@ impl Chip {
 
     /// Reads through the bus, side effects included, as a debugger does.
     pub fn bus_read(&mut self, address: u32, width: Width) -> u32 {
-        match self.peek(address, width) {
+        let value = match self.peek(address, width) {
             Some(value) => value,
             None => self.peripherals.read(address, width, &mut self.context),
-        }
+        };
+        self.context.bus_error = false;
+        value
     }
 
-    /// Writes to SRAM or a peripheral through the bus, as a debugger does.
+    /// Writes to SRAM, the flash's page buffer or a peripheral through the bus, as a debugger does.
     pub fn bus_write(&mut self, address: u32, width: Width, value: u32) {
         match Sram::contains(address) {
             true => self.context.sram.write(address, width, value),
+            false if Nvm::contains(address) => self.peripherals.store_nvm(address, width, value, &mut self.context),
             false => self.peripherals.write(address, width, value, &mut self.context),
         }
+        self.context.bus_error = false;
     }
 
     /// Findings about the firmware so far.

@@ -80,6 +80,11 @@ impl Context {
         self.dma_triggers &= !trigger.bit();
     }
 
+    /// The DMA controller has taken these requests. Whoever still has a reason raises its request anew when served.
+    pub(crate) fn take_dma_triggers(&mut self, taken: u64) {
+        self.dma_triggers &= !taken;
+    }
+
     /// Pending DMA requests, by the bit of their number.
     pub fn dma_triggers(&self) -> u64 {
         self.dma_triggers

@@ -4,10 +4,13 @@
 //! A model is a plain struct with its registers, one field of [`Peripherals`] and one arm of `with_model!`. No model
 //! knows another: they meet in [`Context`].
 
+pub mod adc;
 pub mod can;
 mod counter;
 pub mod divas;
+pub mod dmac;
 pub mod dsu;
+pub mod eic;
 pub mod gclk;
 pub mod mclk;
 pub mod nvmctrl;
@@ -17,8 +20,11 @@ pub mod pm;
 pub mod port;
 mod registers;
 pub mod rstc;
+pub mod sercom;
+mod signals;
 pub mod supc;
 pub mod tc;
+pub mod tcc;
 pub mod wdt;
 
 use crate::context::Context;
@@ -28,9 +34,12 @@ use crate::unit::{Unit, on_io_bus};
 use crate::violation::{Access, Kind};
 use crate::width::Width;
 
+use adc::Adc;
 use can::Can;
 use divas::Divas;
+use dmac::Dmac;
 use dsu::Dsu;
+use eic::Eic;
 use gclk::Gclk;
 use mclk::Mclk;
 use nvmctrl::Nvmctrl;
@@ -39,8 +48,10 @@ use oscctrl::Oscctrl;
 use pm::Pm;
 use port::Port;
 use rstc::Rstc;
+use sercom::Sercom;
 use supc::Supc;
 use tc::Tc;
+use tcc::Tcc;
 use wdt::Wdt;
 
 /// CPU cycles that an access through an AHB-APB bridge takes beyond the load's or store's own two.
@@ -85,6 +96,12 @@ pub trait Model {
 pub struct Peripherals {
     /// CAN0 and CAN1.
     pub can: [Can; 2],
+    /// ADC0 and ADC1.
+    pub adc: [Adc; 2],
+    /// DMAC.
+    pub dmac: Dmac,
+    /// SERCOM0 to SERCOM5.
+    pub sercom: [Sercom; 6],
     /// RSTC.
     pub rstc: Rstc,
     /// DSU.
@@ -109,6 +126,10 @@ pub struct Peripherals {
     pub port: Port,
     /// TC0 to TC4.
     pub tc: [Tc; 5],
+    /// TCC0 to TCC2.
+    pub tcc: [Tcc; 3],
+    /// EIC.
+    pub eic: Eic,
     /// Divide and square root accelerator.
     pub divas: Divas,
     /// When each unit's model acts next, by unit number.
@@ -127,6 +148,42 @@ macro_rules! with_model {
             }
             Unit::Can1 => {
                 let $model = &mut $self.can[1];
+                $body
+            }
+            Unit::Adc0 => {
+                let $model = &mut $self.adc[0];
+                $body
+            }
+            Unit::Adc1 => {
+                let $model = &mut $self.adc[1];
+                $body
+            }
+            Unit::Dmac => {
+                let $model = &mut $self.dmac;
+                $body
+            }
+            Unit::Sercom0 => {
+                let $model = &mut $self.sercom[0];
+                $body
+            }
+            Unit::Sercom1 => {
+                let $model = &mut $self.sercom[1];
+                $body
+            }
+            Unit::Sercom2 => {
+                let $model = &mut $self.sercom[2];
+                $body
+            }
+            Unit::Sercom3 => {
+                let $model = &mut $self.sercom[3];
+                $body
+            }
+            Unit::Sercom4 => {
+                let $model = &mut $self.sercom[4];
+                $body
+            }
+            Unit::Sercom5 => {
+                let $model = &mut $self.sercom[5];
                 $body
             }
             Unit::Rstc => {
@@ -193,6 +250,22 @@ macro_rules! with_model {
                 let $model = &mut $self.tc[4];
                 $body
             }
+            Unit::Tcc0 => {
+                let $model = &mut $self.tcc[0];
+                $body
+            }
+            Unit::Tcc1 => {
+                let $model = &mut $self.tcc[1];
+                $body
+            }
+            Unit::Tcc2 => {
+                let $model = &mut $self.tcc[2];
+                $body
+            }
+            Unit::Eic => {
+                let $model = &mut $self.eic;
+                $body
+            }
             Unit::Divas => {
                 let $model = &mut $self.divas;
                 $body
@@ -206,8 +279,11 @@ impl Default for Peripherals {
     fn default() -> Self {
         Peripherals {
             can: [Can::new(0), Can::new(1)],
+            adc: [Adc::new(0), Adc::new(1)],
+            dmac: Dmac::default(),
+            sercom: std::array::from_fn(Sercom::new),
             rstc: Rstc::default(),
-            dsu: Dsu::default(),
+            dsu: Dsu,
             pm: Pm::default(),
             supc: Supc::default(),
             mclk: Mclk::default(),
@@ -218,6 +294,8 @@ impl Default for Peripherals {
             nvmctrl: Nvmctrl::default(),
             port: Port::default(),
             tc: std::array::from_fn(Tc::new),
+            tcc: std::array::from_fn(Tcc::new),
+            eic: Eic::default(),
             divas: Divas::default(),
             due: [Cycles::NEVER; Unit::COUNT],
             next: Cycles::NEVER,
@@ -242,6 +320,7 @@ impl Peripherals {
             None => 0,
         };
         self.finish(ctx);
+        self.serve_dma(ctx);
         value
     }
 
@@ -257,8 +336,12 @@ impl Peripherals {
             }, else {
                 unmodelled(ctx);
             });
+            if unit == Unit::Port {
+                ctx.wires.follow_selects(ctx.now);
+            }
         }
         self.finish(ctx);
+        self.serve_dma(ctx);
     }
 
     /// When the first model acts by itself.
@@ -291,6 +374,24 @@ impl Peripherals {
             }
         }
         ctx.unit = None;
+        self.serve_dma(ctx);
+    }
+
+    /// Lets the DMA controller move what is asked for, between two accesses of the CPU and without holding it up.
+    #[inline]
+    fn serve_dma(&mut self, ctx: &mut Context) {
+        if self.dmac.has_work(ctx) {
+            self.run_dma(ctx);
+        }
+    }
+
+    #[inline(never)]
+    fn run_dma(&mut self, ctx: &mut Context) {
+        let (now, bus_error) = (ctx.now, std::mem::take(&mut ctx.bus_error));
+        let mut dmac = std::mem::take(&mut self.dmac);
+        dmac.run(self, ctx);
+        self.dmac = dmac;
+        (ctx.now, ctx.bus_error) = (now, bus_error);
     }
 
     /// Tells every model that wires or clocks have changed.

@@ -270,9 +270,9 @@ impl Wires {
             if let Serial::Spi(link) = serial
                 && let Some((group, pin)) = link.select
             {
-                // A pin that nobody drives is pulled up on the board.
+                // The board pulls the line up.
                 let pins = &self.pins[group];
-                let low = pins.seen() >> pin & 1 == 0 && (pins.output | pins.driven) >> pin & 1 != 0;
+                let low = (pins.seen() | pins.floating()) >> pin & 1 == 0;
                 link.set_selected(low, now);
             }
         }

@@ -1,12 +1,13 @@
 //! CAN controllers of several chips on the shared bus, driven through their registers.
 
-#[path = "support/clocks.rs"]
-mod clocks;
+#[path = "support/bench.rs"]
+mod bench;
 
-use clocks::start_clocks;
+use bench::connect;
 use samc21::can_bus::{CanBus, Station};
+use samc21::pins::Function;
 use samc21::wires::CanError;
-use samc21::{Chip, Cycles, Image, Kind, Machine, Width};
+use samc21::{Chip, Cycles, Kind, Machine, Width};
 
 const CAN0: u32 = 0x4200_1c00;
 const CCCR: u32 = 0x18;
@@ -41,17 +42,12 @@ const ELEMENT: u32 = 72;
 const NOMINAL: u32 = 36 << 8 | 9 | 9 << 25;
 const FAST: u32 = 16 << 8 | 5 << 4 | 5 | 1 << 23;
 
-/// A sleeping chip with its clocks on.
+/// A chip with clocks and pins for both controllers.
 fn chip() -> Chip {
-    chip_with(&[26, 27])
-}
-
-fn chip_with(channels: &[u32]) -> Chip {
-    // Stack, reset vector, WFI, branch to it.
-    let code = [0x00, 0x80, 0x00, 0x20, 0x09, 0, 0, 0, 0x30, 0xbf, 0xfd, 0xe7];
-    let mut chip = Chip::new(&Image::from_binary(&code));
-    start_clocks(&mut chip, channels);
-    chip.context_mut().take_violations();
+    let mut chip = bench::chip(&[26, 27]);
+    for (group, pin) in [(0, 24), (0, 25), (1, 14), (1, 15)] {
+        connect(&mut chip, group, pin, Function::G);
+    }
     chip
 }
 
@@ -373,7 +369,7 @@ fn message_ram_beyond_the_sram_is_reported() {
 
 #[test]
 fn without_its_clock_the_controller_never_leaves_init() {
-    let mut chip = chip_with(&[]);
+    let mut chip = bench::chip(&[]);
     configure(&mut chip, NOMINAL, FAST);
     go(&mut chip);
     let now = chip.now();

@@ -17,6 +17,7 @@ mod registers;
 mod transmit;
 
 use super::Model;
+use super::signals::Signal;
 use crate::context::Context;
 use crate::irq::Irq;
 use crate::reset::Reset;
@@ -173,6 +174,11 @@ impl Can {
         let switches = self.registers.cccr(CCCR_FDOE | CCCR_BRSE);
         if switches && self.registers.get(DBTP) & DBTP_TDC == 0 && timing.data_sample <= LOOP_DELAY {
             ctx.report(Kind::Misuse("data bit sampled before it is back from the transceiver, without compensation"));
+        }
+        for signal in 0..2 {
+            if !(Signal::Can { controller: self.index, signal }).is_connected(&ctx.wires) {
+                ctx.report(Kind::Misuse("joins the bus, but no pin is switched to the controller"));
+            }
         }
         self.timing = Some(timing);
         let port = &mut ctx.wires.can[self.index];
