@@ -103,7 +103,7 @@ impl ImuDevice {
             // 0 is 23 °C.
             TEMP_DATA => 0,
             SENSOR_TIME_0 => (now.0 / TIME_TICK) as u16,
-            SENSOR_TIME_1 => (now.0 / TIME_TICK >> 16) as u16,
+            SENSOR_TIME_1 => ((now.0 / TIME_TICK) >> 16) as u16,
             _ => self.registers[usize::from(address & 0x7f)],
         }
     }

@@ -3,6 +3,7 @@
 //! The robot simulation reads and writes this between slices of emulated time; the peripheral models read and write it
 //! while the chip runs. Neither side calls the other.
 
+use std::any::Any;
 use std::collections::VecDeque;
 
 use crate::Cycles;
@@ -29,7 +30,7 @@ pub struct Uart {
 }
 
 /// A device on the SPI wires of a SERCOM.
-pub trait SpiDevice: Send {
+pub trait SpiDevice: Any + Send {
     /// Chip select falls (`true`) or rises.
     fn select(&mut self, selected: bool, now: Cycles);
     /// Exchanges one byte while selected.
@@ -52,6 +53,12 @@ impl SpiLink {
     /// A device selected by a low level on a pin of a group (0: PA, 1: PB).
     pub fn new(device: impl SpiDevice + 'static, select: (usize, u8)) -> Self {
         SpiLink { device: Box::new(device), select: Some(select), selected: false }
+    }
+
+    /// The device, if it is a `T`.
+    pub fn device_mut<T: SpiDevice>(&mut self) -> Option<&mut T> {
+        let device: &mut dyn Any = &mut *self.device;
+        device.downcast_mut()
     }
 
     /// Selects or deselects the device.

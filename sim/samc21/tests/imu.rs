@@ -34,7 +34,9 @@ impl embedded_hal::spi::SpiDevice for Bus<'_> {
         for operation in operations {
             match operation {
                 Operation::Read(into) => into.iter_mut().for_each(|byte| *byte = self.byte(0)),
-                Operation::Write(bytes) => bytes.iter().for_each(|byte| drop(self.byte(*byte))),
+                Operation::Write(bytes) => bytes.iter().for_each(|byte| {
+                    self.byte(*byte);
+                }),
                 _ => panic!("the driver does not use this"),
             }
         }
