@@ -103,6 +103,10 @@ impl Chip {
         }
         if self.peripherals.next_event() <= self.context.now {
             self.peripherals.advance(&mut self.context);
+            // A watchdog that expires resets before the next instruction.
+            if self.context.reset_request.is_some() {
+                return None;
+            }
         }
         self.cpu.service(until, &mut self.context, &mut self.peripherals);
         if self.cpu.is_asleep() {

@@ -1,5 +1,6 @@
 //! The clocks that run: published by the models of MCLK, OSCCTRL and GCLK, read by everybody else.
 
+use crate::time::Cycles;
 use crate::unit::{Mask, Unit};
 
 /// A frequency in hertz.
@@ -82,6 +83,12 @@ impl Clocks {
     /// Frequency of the CPU.
     pub fn cpu(&self) -> Hertz {
         Hertz(self.main.0 / self.cpu_divider.max(1))
+    }
+
+    /// Recomputes [`Self::cpu_ticks`] after a change of generator 0 or the CPU's divider.
+    pub(crate) fn set_cpu_ticks(&mut self) {
+        let cpu = u64::from(self.cpu().0.max(1));
+        self.cpu_ticks = ((Cycles::HZ + cpu / 2) / cpu).max(1) as u32;
     }
 
     /// Whether anybody asks for `source`.

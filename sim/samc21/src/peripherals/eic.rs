@@ -121,7 +121,6 @@ impl Eic {
 
     fn look(&mut self, ctx: &mut Context) {
         if !self.is_watching() {
-            ctx.set_irq(Irq::Eic, self.flags & self.enabled != 0);
             return;
         }
         let (before, after) = (self.levels, self.see(ctx));
@@ -212,6 +211,7 @@ impl Model for Eic {
             }
         }
         self.look(ctx);
+        ctx.set_irq(Irq::Eic, self.flags & self.enabled != 0);
     }
 
     fn notice(&mut self, ctx: &mut Context) {

@@ -211,8 +211,9 @@ impl Gclk {
             *generic = if channel & CHEN == 0 { None } else { self.outputs[(channel & GEN) as usize] };
         }
         clocks.main = self.outputs[0].unwrap_or(clocks.main);
-        let cpu = clocks.cpu().0.max(1);
-        clocks.cpu_ticks = ((Cycles::HZ as u32 + cpu / 2) / cpu).max(1);
+        if clocks.main != ctx.clocks.main {
+            clocks.set_cpu_ticks();
+        }
         if clocks != ctx.clocks {
             self.check_cpu(&clocks, ctx);
             ctx.clocks = clocks;

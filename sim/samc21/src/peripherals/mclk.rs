@@ -68,6 +68,7 @@ impl Model for Mclk {
             CPUDIV if !part.ones().is_power_of_two() => ctx.report(Kind::ReservedValue),
             CPUDIV => {
                 clocks.cpu_divider = part.ones();
+                clocks.set_cpu_ticks();
                 // The new clock is there within a few cycles; nobody could see the flag low.
                 self.flags |= CKRDY;
             }

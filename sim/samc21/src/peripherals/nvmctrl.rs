@@ -8,6 +8,7 @@
 
 use super::Model;
 use super::registers::{Map, Register};
+use crate::clocks::Hertz;
 use crate::context::Context;
 use crate::irq::Irq;
 use crate::nvm::{AUX_BASE, FLASH_SIZE, PAGE, ROW, RWWEE_BASE, RWWEE_SIZE, ReadMode};
@@ -85,11 +86,22 @@ pub struct Nvmctrl {
     addr: u32,
     buffer: [u8; PAGE as usize],
     task: Option<Task>,
+    /// Clock of the CPU when its speed was last judged.
+    judged: Hertz,
 }
 
 impl Default for Nvmctrl {
     fn default() -> Self {
-        Nvmctrl { ctrlb: MANW, enabled: 0, error: false, status: 0, addr: 0, buffer: [0xff; PAGE as usize], task: None }
+        Nvmctrl {
+            ctrlb: MANW,
+            enabled: 0,
+            error: false,
+            status: 0,
+            addr: 0,
+            buffer: [0xff; PAGE as usize],
+            task: None,
+            judged: Hertz(0),
+        }
     }
 }
 
@@ -145,7 +157,9 @@ impl Model for Nvmctrl {
     }
 
     fn notice(&mut self, ctx: &mut Context) {
-        self.check_speed(ctx);
+        if ctx.clocks.cpu() != self.judged {
+            self.check_speed(ctx);
+        }
     }
 
     fn reset(&mut self, _cause: Reset, ctx: &mut Context) {
@@ -209,7 +223,8 @@ impl Nvmctrl {
         ctx.nvm.set_timing((self.ctrlb >> 1 & 0xf) as u8, mode);
     }
 
-    fn check_speed(&self, ctx: &mut Context) {
+    fn check_speed(&mut self, ctx: &mut Context) {
+        self.judged = ctx.clocks.cpu();
         let wait_states = (self.ctrlb >> 1 & 0xf) as usize;
         if FASTEST.get(wait_states).is_some_and(|fastest| ctx.clocks.cpu().0 > *fastest) {
             ctx.report(Kind::Misuse("too few flash wait states for the CPU's clock"));

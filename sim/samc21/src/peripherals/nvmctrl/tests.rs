@@ -138,7 +138,7 @@ fn a_power_cut_leaves_a_torn_row() {
 #[test]
 fn too_few_wait_states_for_the_clock_are_reported() {
     let (mut nvm, mut ctx) = nvmctrl();
-    ctx.clocks.main = crate::Hertz(48_000_000);
+    ctx.clocks.main = Hertz(48_000_000);
     nvm.write(CTRLB, Width::Word, MANW | 2 << 1, &mut ctx);
     assert_eq!(ctx.violations(), []);
     nvm.write(CTRLB, Width::Word, MANW | 1 << 1, &mut ctx);
