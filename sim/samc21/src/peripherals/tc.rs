@@ -4,116 +4,19 @@
 //! clock domain. In 32-bit mode an even instance takes the odd one beside it over; both need their bus clock. Not
 //! modelled: capture, events, DMA requests, outputs to pins.
 
+mod registers;
+
 use super::Model;
 use super::counter::Counter;
-use super::registers::{Map, Register, SyncBusy, crossing};
+use super::registers::{Map, SyncBusy, crossing};
 use crate::clocks::Hertz;
 use crate::context::Context;
-use crate::irq::Irq;
 use crate::reset::Reset;
 use crate::time::Cycles;
-use crate::unit::Unit;
 use crate::violation::Kind;
 use crate::width::Width;
 
-const CTRLA: u32 = 0x00;
-const CTRLBCLR: u32 = 0x04;
-const CTRLBSET: u32 = 0x05;
-const EVCTRL: u32 = 0x06;
-const INTENCLR: u32 = 0x08;
-const INTENSET: u32 = 0x09;
-const INTFLAG: u32 = 0x0a;
-const STATUS: u32 = 0x0b;
-const WAVE: u32 = 0x0c;
-const DRVCTRL: u32 = 0x0d;
-const DBGCTRL: u32 = 0x0f;
-const SYNCBUSY: u32 = 0x10;
-const COUNT: u32 = 0x14;
-const PER: u32 = 0x1b;
-const CC: u32 = 0x1c;
-const PERBUF: u32 = 0x2f;
-const CCBUF: u32 = 0x30;
-
-const INTERRUPTS: u32 = 0x33;
-
-/// The registers, the first ones those used most; the last are those whose width depends on the mode.
-macro_rules! map {
-    ($($own:expr),*) => {
-        Map(&[
-            Register::new(INTFLAG, Width::Byte, INTERRUPTS),
-            Register::new(CTRLBSET, Width::Byte, 0xe7),
-            Register::read_only(SYNCBUSY, Width::Word),
-            Register::new(CTRLBCLR, Width::Byte, 0xe7),
-            Register::new(INTENCLR, Width::Byte, INTERRUPTS),
-            Register::new(INTENSET, Width::Byte, INTERRUPTS),
-            Register::new(CTRLA, Width::Word, 0x0033_0fff),
-            Register::new(EVCTRL, Width::Half, 0x3137),
-            Register::new(STATUS, Width::Byte, 0x3b),
-            Register::new(WAVE, Width::Byte, 0x03),
-            Register::new(DRVCTRL, Width::Byte, 0x03),
-            Register::new(DBGCTRL, Width::Byte, 0x01),
-            $($own),*
-        ])
-    };
-}
-
-const MAP_8: Map = map!(
-    Register::new(COUNT, Width::Byte, 0xff),
-    Register::new(PER, Width::Byte, 0xff),
-    Register::new(CC, Width::Byte, 0xff).times(2),
-    Register::new(PERBUF, Width::Byte, 0xff),
-    Register::new(CCBUF, Width::Byte, 0xff).times(2)
-);
-const MAP_16: Map = map!(
-    Register::new(COUNT, Width::Half, 0xffff),
-    Register::new(CC, Width::Half, 0xffff).times(2),
-    Register::new(CCBUF, Width::Half, 0xffff).times(2)
-);
-const MAP_32: Map = map!(
-    Register::new(COUNT, Width::Word, !0),
-    Register::new(CC, Width::Word, !0).times(2),
-    Register::new(CCBUF, Width::Word, !0).times(2)
-);
-
-const SWRST: u32 = 1 << 0;
-const ENABLE: u32 = 1 << 1;
-const MODE: u32 = 3 << 2;
-const MODE_8: u32 = 1 << 2;
-const MODE_32: u32 = 2 << 2;
-
-const DIR: u32 = 1 << 0;
-const LUPD: u32 = 1 << 1;
-const ONESHOT: u32 = 1 << 2;
-const CMD: u32 = 7 << 5;
-
-const OVF: u32 = 1 << 0;
-/// INTFLAG.MC0; MC1 is the bit above.
-const MC: u32 = 1 << 4;
-
-const STATUS_STOP: u32 = 1 << 0;
-const STATUS_PERBUFV: u32 = 1 << 3;
-/// STATUS.CCBUFV0; CCBUFV1 is the bit above.
-const STATUS_CCBUFV: u32 = 1 << 4;
-
-const SYNC_SWRST: u32 = 0;
-const SYNC_ENABLE: u32 = 1;
-const SYNC_CTRLB: u32 = 2;
-const SYNC_COUNT: u32 = 4;
-const SYNC_PER: u32 = 5;
-/// SYNCBUSY.CC0; CC1 is the bit above.
-const SYNC_CC: u32 = 6;
-
-/// CTRLA.PRESCALER.
-const PRESCALERS: [u64; 8] = [1, 2, 4, 8, 16, 64, 256, 1024];
-
-/// Interrupt line, generic clock channel and unit of the client in 32-bit mode, by instance.
-const INSTANCES: [(Irq, usize, Option<Unit>); 5] = [
-    (Irq::Tc0, 30, Some(Unit::Tc1)),
-    (Irq::Tc1, 30, None),
-    (Irq::Tc2, 31, Some(Unit::Tc3)),
-    (Irq::Tc3, 31, None),
-    (Irq::Tc4, 32, None),
-];
+use registers::*;
 
 /// One timer.
 #[derive(Clone, PartialEq, Eq, Debug)]

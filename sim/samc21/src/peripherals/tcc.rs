@@ -6,113 +6,20 @@
 //! dual slope, ramps, dithering, dead time, swapped outputs, recoverable faults. Not modelled: capture, events, DMA
 //! requests.
 
+mod registers;
+
 use super::Model;
 use super::counter::Counter;
-use super::registers::{Map, Register, SyncBusy, crossing};
+use super::registers::{SyncBusy, crossing};
 use crate::clocks::Hertz;
 use crate::context::Context;
-use crate::irq::Irq;
 use crate::reset::Reset;
 use crate::time::Cycles;
 use crate::violation::Kind;
 use crate::width::Width;
 use crate::wires::Pwm;
 
-const CTRLA: u32 = 0x00;
-const CTRLBCLR: u32 = 0x04;
-const CTRLBSET: u32 = 0x05;
-const SYNCBUSY: u32 = 0x08;
-const FCTRL: u32 = 0x0c;
-const WEXCTRL: u32 = 0x14;
-const DRVCTRL: u32 = 0x18;
-const DBGCTRL: u32 = 0x1e;
-const EVCTRL: u32 = 0x20;
-const INTENCLR: u32 = 0x24;
-const INTENSET: u32 = 0x28;
-const INTFLAG: u32 = 0x2c;
-const STATUS: u32 = 0x30;
-const COUNT: u32 = 0x34;
-const PATT: u32 = 0x38;
-const WAVE: u32 = 0x3c;
-const PER: u32 = 0x40;
-const CC: u32 = 0x44;
-const PATTBUF: u32 = 0x64;
-const PERBUF: u32 = 0x6c;
-const CCBUF: u32 = 0x70;
-
-const INTERRUPTS: u32 = 0x000f_fc0f;
-const COUNTS: u32 = 0x00ff_ffff;
-
-const MAP: Map = Map(&[
-    Register::new(CCBUF, Width::Word, COUNTS).times(4),
-    Register::new(INTFLAG, Width::Word, INTERRUPTS),
-    Register::read_only(SYNCBUSY, Width::Word),
-    Register::new(CTRLA, Width::Word, 0x0f80_ff63),
-    Register::new(CTRLBCLR, Width::Byte, 0xff),
-    Register::new(CTRLBSET, Width::Byte, 0xff),
-    Register::new(FCTRL, Width::Word, 0x0fff_ffff & !(1 << 2)).times(2),
-    Register::new(WEXCTRL, Width::Word, 0xffff_0f03),
-    Register::new(DRVCTRL, Width::Word, !0),
-    Register::new(DBGCTRL, Width::Byte, 0x05),
-    Register::new(EVCTRL, Width::Word, 0x0f0f_f7ff),
-    Register::new(INTENCLR, Width::Word, INTERRUPTS),
-    Register::new(INTENSET, Width::Word, INTERRUPTS),
-    Register::new(STATUS, Width::Word, 0x000f_f0ba),
-    Register::new(COUNT, Width::Word, COUNTS),
-    Register::new(PATT, Width::Half, 0xffff),
-    Register::new(WAVE, Width::Word, 0x0f0f_0fb7),
-    Register::new(PER, Width::Word, COUNTS),
-    Register::new(CC, Width::Word, COUNTS).times(4),
-    Register::new(PATTBUF, Width::Half, 0xffff),
-    Register::new(PERBUF, Width::Word, COUNTS),
-]);
-
-const SWRST: u32 = 1 << 0;
-const ENABLE: u32 = 1 << 1;
-const RESOLUTION: u32 = 3 << 5;
-const DIR: u32 = 1 << 0;
-const LUPD: u32 = 1 << 1;
-const ONESHOT: u32 = 1 << 2;
-const CMD: u32 = 7 << 5;
-const DTIEN: u32 = 0xf << 8;
-const SWAP: u32 = 0xf << 24;
-const RAMP: u32 = 3 << 4;
-const FDDBD: u32 = 1 << 2;
-
-const OVF: u32 = 1 << 0;
-const DFS: u32 = 1 << 11;
-/// INTFLAG.MC0; the others follow.
-const MC: u32 = 1 << 16;
-
-const STATUS_STOP: u32 = 1 << 0;
-const STATUS_DFS: u32 = 1 << 3;
-const STATUS_PATTBUFV: u32 = 1 << 5;
-const STATUS_PERBUFV: u32 = 1 << 7;
-const STATUS_FAULTS: u32 = 3 << 14;
-/// STATUS.CCBUFV0; the others follow.
-const STATUS_CCBUFV: u32 = 1 << 16;
-
-/// All that say a buffer is full.
-const STATUS_BUFFERS: u32 = STATUS_PATTBUFV | STATUS_PERBUFV | 0xf << 16;
-
-const SYNC_SWRST: u32 = 0;
-const SYNC_ENABLE: u32 = 1;
-const SYNC_CTRLB: u32 = 2;
-const SYNC_COUNT: u32 = 4;
-const SYNC_PATT: u32 = 5;
-const SYNC_WAVE: u32 = 6;
-const SYNC_PER: u32 = 7;
-const SYNC_CC: u32 = 8;
-
-const NFRQ: u32 = 0;
-const MFRQ: u32 = 1;
-const NPWM: u32 = 2;
-
-const PRESCALERS: [u64; 8] = [1, 2, 4, 8, 16, 64, 256, 1024];
-
-/// Interrupt line, generic clock channel, compare channels, outputs, largest count, by instance.
-const INSTANCES: [(Irq, usize, usize, usize, u64); 3] =
-    [(Irq::Tcc0, 28, 4, 8, 0xff_ffff), (Irq::Tcc1, 28, 2, 4, 0xff_ffff), (Irq::Tcc2, 29, 2, 2, 0xffff)];
+use registers::*;
 
 /// One timer.
 #[derive(Clone, PartialEq, Eq, Debug)]

@@ -1,4 +1,5 @@
 use super::*;
+use crate::irq::Irq;
 
 /// TC4 at 48 MHz.
 fn tc4() -> (Tc, Context) {

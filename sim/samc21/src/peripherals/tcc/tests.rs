@@ -1,4 +1,5 @@
 use super::*;
+use crate::irq::Irq;
 
 const PERIOD: u32 = 2400;
 
