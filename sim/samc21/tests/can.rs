@@ -292,6 +292,23 @@ fn noise_spoils_the_same_frames_for_the_same_seed() {
 }
 
 #[test]
+fn a_snapshot_taken_in_mid_frame_continues_as_the_original() {
+    let mut rig = Rig::new(&[GOOD, GOOD]);
+    rig.bus.set_noise(300_000, 7);
+    for id in 1..=4 {
+        send(rig.chip(0), id, 3);
+    }
+    rig.run(150);
+    let mut copy = Rig { machine: rig.machine.clone(), bus: rig.bus.clone() };
+    let end = |rig: &mut Rig| {
+        rig.run(5000);
+        let received: Vec<_> = std::iter::from_fn(|| receive(rig.chip(1))).collect();
+        (received, rig.bus.take_log())
+    };
+    assert_eq!(end(&mut rig), end(&mut copy));
+}
+
+#[test]
 fn a_station_with_another_bit_rate_destroys_every_frame_until_it_is_passive() {
     let slow = (NOMINAL | 1 << 16, FAST);
     let mut rig = Rig::new(&[GOOD, GOOD, slow]);

@@ -234,6 +234,31 @@ fn dma_to_where_nothing_is_ends_with_an_error_not_a_fault() {
     assert_eq!(kinds(&chip).len(), 1, "the CPU sleeps on");
 }
 
+#[test]
+fn dma_by_software_runs_through_linked_descriptors() {
+    let mut chip = uart();
+    dmac(&mut chip);
+    for index in 0..4 {
+        word(&mut chip, SRAM + 4 * index, 0x1111 * (index + 1));
+    }
+    // The second block: two words, every second place.
+    let second = SRAM + 0x300;
+    let control = VALID | 2 << 8 | SOURCE | DESTINATION | 1 << 13;
+    for (offset, value) in [(0, control | 2 << 16), (4, SRAM + 16), (8, SRAM + 0x210), (12, 0)] {
+        word(&mut chip, second + offset, value);
+    }
+    let first = [VALID | 2 << 8 | SOURCE | DESTINATION | 1 << 3, 2, SRAM + 8, SRAM + 0x108, second];
+    transfer(&mut chip, 3, 0, first);
+    byte(&mut chip, DMAC + 0x40, 0);
+    word(&mut chip, DMAC + 0x44, 3 << 22);
+    byte(&mut chip, DMAC + 0x40, 2);
+    word(&mut chip, DMAC + 0x10, 1 << 3);
+    let words: Vec<u32> = [0x100, 0x104, 0x200, 0x204, 0x208].map(|at| chip.bus_read(SRAM + at, Width::Word)).to_vec();
+    assert_eq!(words, [0x1111, 0x2222, 0x3333, 0, 0x4444]);
+    assert_eq!(chip.bus_read(DMAC + 0x4e, Width::Byte), 2);
+    assert_eq!(kinds(&chip), []);
+}
+
 /// SERCOM1 as SPI host at 6 MHz on PA16 (in), PA18 (out), PA19 (clock), select on PA17.
 fn spi() -> Chip {
     let mut chip = bench::chip(&[20]);

@@ -14,6 +14,8 @@ mod filter;
 mod ram;
 mod receive;
 mod registers;
+#[cfg(test)]
+mod tests;
 mod transmit;
 
 use super::Model;
