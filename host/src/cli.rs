@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sarah_firmware::default_params;
+use sarah_sim::emulated::NAMES;
 use sarah_sim::scenario::{Overrides, Scenario, ScenarioError};
 use sarah_sim::sensors::SensorConfig;
 use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
 use crate::bake::bake;
+use crate::emulate::{self, EmulateError, Setup, Shown};
 use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
 use crate::flash::{self, BOARDS_FILE, Boards, FlashError, Job, Node, Tool};
 use crate::metrics::Summary;
@@ -54,6 +56,13 @@ enum Verb {
         sarah flash --node knee --run                and show its logs\n  \
         sarah flash --node knee --dry-run            only print the command")]
     Flash(FlashArgs),
+    /// Run the flashed images on four emulated chips with the simulated robot; build them with `cargo firmware`.
+    #[command(
+        after_help = "Examples:\n  sarah emulate                                prints the path of the host link, in real time\n  \
+        sarah emulate --compare sil --seconds 30 --seed 3\n  \
+        sarah emulate --cycles --seconds 60 --scenario stand"
+    )]
+    Emulate(EmulateArgs),
     /// Draw figures and write report.md again from a run's data, and print its tables.
     #[command(after_help = "Example:\n  sarah report runs/train-1")]
     Report {
@@ -91,6 +100,8 @@ struct TrainArgs {
     /// Print the configuration and stop.
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
+    #[command(flatten)]
+    link: LinkArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -136,7 +147,68 @@ struct EvaluateArgs {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    link: LinkArgs,
 }
+
+/// What chips are compared with.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum Reference {
+    /// The library, tick by tick beside the chips.
+    Sil,
+}
+
+#[derive(Args, Debug)]
+struct EmulateArgs {
+    /// Where the images lie.
+    #[arg(long, default_value = IMAGES)]
+    images: PathBuf,
+    /// paper, push-grid, stand, train, or the path of a TOML file.
+    #[arg(long, default_value = "train")]
+    scenario: String,
+    /// Seed of pushes and sensor noise.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Emulated time; without it the scenario's, or with a host link until Ctrl-C.
+    #[arg(long, value_parser = seconds)]
+    seconds: Option<f64>,
+    /// As fast as it can instead of in real time.
+    #[arg(long)]
+    fast: bool,
+    /// Compare every tick of the nodes with the library, bit by bit, and say where they differ first.
+    #[arg(long, value_enum)]
+    compare: Option<Reference>,
+    /// Print awake cycles per tick, and the functions they go to.
+    #[arg(long)]
+    cycles: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum LinkName {
+    /// The firmware library in the simulator.
+    Sim,
+    /// The flashed images on emulated chips.
+    Emulated,
+}
+
+#[derive(Args, Debug)]
+struct LinkArgs {
+    /// What balances: the firmware's library, or its images on emulated chips.
+    #[arg(long, value_enum, default_value = "sim")]
+    link: LinkName,
+    /// Where the images lie.
+    #[arg(long, default_value = IMAGES)]
+    images: PathBuf,
+}
+
+impl LinkArgs {
+    fn images(&self) -> Option<PathBuf> {
+        (self.link == LinkName::Emulated).then(|| self.images.clone())
+    }
+}
+
+/// Where `cargo firmware` puts the images.
+const IMAGES: &str = "target/thumbv6m-none-eabi/firmware";
 
 #[derive(Subcommand, Debug)]
 enum ParamsVerb {
@@ -171,7 +243,7 @@ struct FlashArgs {
     #[arg(long, default_value = BOARDS_FILE)]
     boards: PathBuf,
     /// Where the images lie.
-    #[arg(long, default_value = "target/thumbv6m-none-eabi/firmware")]
+    #[arg(long, default_value = IMAGES)]
     images: PathBuf,
     /// What flashes.
     #[arg(long, value_enum, default_value = "openocd")]
@@ -208,6 +280,9 @@ pub enum CliError {
     /// Flashing.
     #[error(transparent)]
     Flash(#[from] FlashError),
+    /// Emulating.
+    #[error(transparent)]
+    Emulate(#[from] EmulateError),
 }
 
 /// Does what the command line says.
@@ -217,6 +292,7 @@ pub fn main() -> Result<(), CliError> {
         Verb::Evaluate(args) => evaluate_verb(&args),
         Verb::Params { verb: ParamsVerb::Bake { from, into } } => bake_verb(&from, &into),
         Verb::Flash(args) => flash_verb(&args),
+        Verb::Emulate(args) => emulate_verb(&args),
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;
@@ -248,6 +324,7 @@ fn train_verb(args: TrainArgs) -> Result<(), CliError> {
     config.seeds = args.seeds.unwrap_or(config.seeds);
     config.episodes = args.episodes.unwrap_or(config.episodes);
     config.methods = args.methods.unwrap_or(config.methods);
+    config.robot.images = args.link.images().or(config.robot.images);
     config.validate()?;
     if args.print_config {
         print!("{}", config.to_toml()?);
@@ -267,7 +344,7 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     let overrides = Overrides { impulse_n_s: args.impulse, directions: args.directions, repeats: args.repeats };
     let scenario = Scenario::load(&args.scenario)?.with(&overrides)?;
     let sensors = if args.perfect_sensors { SensorConfig::perfect() } else { SensorConfig::default() };
-    let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, ..SilConfig::default() };
+    let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, images: args.link.images(), ..SilConfig::default() };
     let count = scenario.episodes().unwrap_or(args.episodes);
     let progress = Progress::new(count);
     let results = run_many(&controller, &config, &scenario, args.seed, count, &|| progress.episode(None));
@@ -285,6 +362,64 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
     println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
     Ok(())
+}
+
+fn emulate_verb(args: &EmulateArgs) -> Result<(), CliError> {
+    let scenario = Scenario::load(&args.scenario)?;
+    let episode = scenario.episode(args.seed, 0);
+    let alone = args.compare.is_some() || args.cycles;
+    let whole = if alone { f64::from(episode.duration_s) } else { f64::MAX };
+    let config = SilConfig::default();
+    let setup = Setup { images: args.images.clone(), config, episode, seconds: args.seconds.unwrap_or(whole) };
+    if alone {
+        let shown = emulate::unattended(&setup, args.compare.is_some(), args.cycles)?;
+        print!("{}", words(&shown));
+    } else {
+        let health = emulate::serve(&setup, args.fast)?;
+        println!("the robot: {health:?}");
+    }
+    Ok(())
+}
+
+fn words(shown: &Shown) -> String {
+    use std::fmt::Write;
+    let mut text = String::new();
+    // Writing into a string cannot fail.
+    if let Some(compared) = &shown.compared {
+        let _ = writeln!(
+            text,
+            "identical: {} ticks, {} actuator commands and {} frames compared over {:.1} s",
+            compared.ticks, compared.commands, compared.frames, shown.seconds
+        );
+    }
+    if let Some(awake) = &shown.awake {
+        let _ =
+            writeln!(text, "| image | ticks | awake cycles per tick, mean | p99 | max |\n|---|---:|---:|---:|---:|");
+        for (name, chip) in NAMES.iter().zip(awake) {
+            let _ = writeln!(text, "| {name} | {} | {:.0} | {} | {} |", chip.ticks, chip.mean, chip.p99, chip.max);
+        }
+    }
+    for (name, functions) in NAMES.iter().zip(&shown.functions) {
+        let total: u64 = functions.iter().map(|(_, cycles)| cycles).sum();
+        let _ = writeln!(text, "\n{name}, awake cycles by function:");
+        for (function, cycles) in functions.iter().take(12) {
+            let _ = writeln!(text, "{:6.1} %  {function}", 100.0 * *cycles as f64 / total.max(1) as f64);
+        }
+    }
+    let pace = shown.seconds / shown.wall_s.max(1e-9);
+    let _ = writeln!(
+        text,
+        "{:.1} s emulated in {:.1} s, {pace:.1} x real time; the robot: {:?}",
+        shown.seconds, shown.wall_s, shown.health
+    );
+    text
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
+        _ => Err("give seconds, above 0 and at most 1000000".into()),
+    }
 }
 
 fn bake_verb(from: &Path, into: &Path) -> Result<(), CliError> {

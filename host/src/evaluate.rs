@@ -121,7 +121,7 @@ pub fn run_episode(
         }
     }
     let at_s = robot.now_s();
-    let energy = robot.sil().meter().energy();
+    let energy = robot.body().meter().energy();
     Ok(EpisodeResult {
         direction_deg: episode.direction.and(episode.pushes.first()).map(|push| push.direction_deg),
         impulse_n_s: episode.pushes.first().map_or(0.0, |push| push.impulse_n_s),
@@ -157,7 +157,7 @@ fn wait_until(robot: &mut SimRobot, at_s: f32) -> Result<Health, LinkError> {
 
 fn record(recording: &mut Recording, robot: &SimRobot, telemetry: &[Telemetry], origin: [f32; 3]) {
     let [x, y, z] = robot.pose().position_m;
-    let body = robot.sil().robot();
+    let body = robot.body().robot();
     let trunk = body.trunk();
     let truth = Joint::ALL.map(|joint| body.joint(joint).position);
     // Figures list left and right of each kind.

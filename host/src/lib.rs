@@ -9,6 +9,7 @@
 
 pub mod bake;
 pub mod cli;
+pub mod emulate;
 pub mod enaf;
 pub mod evaluate;
 pub mod figures;

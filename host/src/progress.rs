@@ -13,17 +13,24 @@ pub struct Progress {
     bar: ProgressBar,
     began: Instant,
     line: Mutex<Instant>,
+    unit: &'static str,
 }
 
 impl Progress {
     /// Nothing done of `total` episodes.
     pub fn new(total: u64) -> Progress {
-        let style =
-            ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {elapsed} gone, {eta} left  {msg}");
+        Progress::counting(total, "episodes")
+    }
+
+    /// Nothing done of `total` of something else.
+    pub fn counting(total: u64, unit: &'static str) -> Progress {
+        let style = ProgressStyle::with_template(&format!(
+            "{{bar:30.cyan/blue}} {{pos}}/{{len}} {unit}  {{elapsed}} gone, {{eta}} left  {{msg}}"
+        ));
         let bar = ProgressBar::new(total);
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(500));
-        Progress { bar, began: Instant::now(), line: Mutex::new(Instant::now()) }
+        Progress { bar, began: Instant::now(), line: Mutex::new(Instant::now()), unit }
     }
 
     /// A phase begins.
@@ -49,7 +56,7 @@ impl Progress {
             *line = Instant::now();
             let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
             let left = self.began.elapsed().as_secs_f32() / done.max(1) as f32 * total.saturating_sub(done) as f32;
-            eprintln!("{done}/{total} episodes, about {left:.0} s left: {}", self.bar.message());
+            eprintln!("{done}/{total} {}, about {left:.0} s left: {}", self.unit, self.bar.message());
         }
     }
 

@@ -1,10 +1,15 @@
 //! Robot without hardware.
 
 pub mod actuator;
+pub mod awake;
 pub mod body;
 pub mod bus;
+pub mod emulated;
 pub mod energy;
+pub mod imu;
+pub mod mirror;
 pub mod robot;
 pub mod scenario;
 pub mod sensors;
 pub mod sil;
+pub mod world;

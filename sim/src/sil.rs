@@ -14,6 +14,7 @@
 //! and seed give equal bits.
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 
 use sarah_firmware::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
 use sarah_firmware::lpg::Drive as Command;
@@ -26,6 +27,7 @@ use thiserror::Error;
 use crate::actuator::{ActuatorConfig, ActuatorError};
 use crate::body::{Body, calibration_of, joints_of};
 use crate::bus::{Bus, Station};
+use crate::emulated::ImagesError;
 use crate::energy::{EnergyConfig, EnergyError, EnergyMeter};
 use crate::robot::{Health, Robot, RobotConfig, RobotError};
 use crate::scenario::Episode;
@@ -41,6 +43,9 @@ pub struct SilConfig {
     pub bus_latency_us: u32,
     /// Arm at boot, without a host.
     pub arm_at_boot: bool,
+    /// Folder of the flashed images, to run on emulated chips instead of the library; their rates are their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub images: Option<PathBuf>,
     /// The robot.
     pub robot: RobotConfig,
     /// Its sensors.
@@ -57,6 +62,7 @@ impl Default for SilConfig {
             lpg_rate_hz: 100,
             bus_latency_us: 300,
             arm_at_boot: false,
+            images: None,
             robot: RobotConfig::default(),
             sensors: SensorConfig::default(),
             actuators: ActuatorConfig::default(),
@@ -66,7 +72,7 @@ impl Default for SilConfig {
 }
 
 /// Why a simulation cannot start.
-#[derive(Debug, Clone, PartialEq, Error)]
+#[derive(Debug, Clone, Error)]
 pub enum SilError {
     /// Tick rate.
     #[error("lpg_rate_hz = {0} is out of range; give 100 to 10000, a divisor of 1000000")]
@@ -86,6 +92,9 @@ pub enum SilError {
     /// What they draw.
     #[error(transparent)]
     Energy(#[from] EnergyError),
+    /// The flashed images.
+    #[error(transparent)]
+    Images(#[from] ImagesError),
 }
 
 /// The fastest the coordinator reads its IMU, samples per second.
@@ -269,6 +278,11 @@ impl Sil {
     /// Time line, µs since power-up.
     pub fn now_us(&self) -> u64 {
         self.now_us
+    }
+
+    /// The robot with its sensors and actuators.
+    pub fn body(&self) -> &Body {
+        &self.body
     }
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.

@@ -5,9 +5,11 @@ use sarah_protocol::host::{Command, Refusal};
 use sarah_protocol::params::ParamSet;
 use sarah_protocol::session::{HostSession, News, SessionError};
 use sarah_protocol::telemetry::Telemetry;
+use sarah_sim::body::Body;
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Episode;
-use sarah_sim::sil::{Sil, SilConfig, SilError};
+use sarah_sim::sil::{SilConfig, SilError};
+use sarah_sim::world::{self, World};
 use thiserror::Error;
 
 use crate::task::judge::Pose;
@@ -51,8 +53,8 @@ pub struct Slice {
 }
 
 /// A simulated robot with a session open to it.
-pub struct SimRobot {
-    sil: Sil,
+pub struct SimRobot<W = Box<dyn World>> {
+    world: W,
     session: HostSession,
     goal: Option<ParamSet>,
     applied: ParamSet,
@@ -66,19 +68,34 @@ pub struct SimRobot {
 impl SimRobot {
     /// Powers the robot up and opens the session. It runs its stored set, the default, until told otherwise.
     pub fn start(config: &SilConfig, episode: &Episode) -> Result<SimRobot, LinkError> {
-        let default = default_params();
-        let sil = Sil::new(config, default, default, episode)?;
-        Ok(SimRobot {
-            sil,
+        Ok(SimRobot::over(world::start(config, default_params(), episode)?))
+    }
+}
+
+impl<W: World> SimRobot<W> {
+    /// Opens the session to a robot that has just been powered up.
+    pub fn over(world: W) -> SimRobot<W> {
+        SimRobot {
+            world,
             session: HostSession::new(1),
             goal: None,
-            applied: default,
+            applied: default_params(),
             pending: None,
             want_armed: false,
             armed: false,
             asked_to_arm: false,
             pushes_begun: 0,
-        })
+        }
+    }
+
+    /// What is simulated.
+    pub fn world(&self) -> &W {
+        &self.world
+    }
+
+    /// What is simulated, to break or watch it.
+    pub fn world_mut(&mut self) -> &mut W {
+        &mut self.world
     }
 
     /// Asks for a set. It takes force at a cycle boundary, in as many generations as its rate limits ask for.
@@ -103,17 +120,17 @@ impl SimRobot {
 
     /// Simulation time, s since power-up.
     pub fn now_s(&self) -> f32 {
-        self.sil.now_us() as f32 * 1e-6
+        self.world.now_us() as f32 * 1e-6
     }
 
-    /// The simulation, for the truth.
-    pub fn sil(&self) -> &Sil {
-        &self.sil
+    /// The robot behind the link, for the truth.
+    pub fn body(&self) -> &Body {
+        self.world.body()
     }
 
     /// Where the trunk truly is.
     pub fn pose(&self) -> Pose {
-        let robot = self.sil.robot();
+        let robot = self.world.body().robot();
         let trunk = robot.trunk();
         let [x, y, _] = trunk.position_m;
         let spin = trunk.angular_velocity_rad_s.iter().map(|w| w * w).sum::<f32>().sqrt();
@@ -123,10 +140,10 @@ impl SimRobot {
     /// Runs the world and the link for [`SLICE_US`].
     pub fn advance(&mut self) -> Result<Slice, LinkError> {
         self.talk()?;
-        let until_us = self.sil.now_us() + SLICE_US;
-        let health = self.sil.run_until(until_us);
+        let until_us = self.world.now_us() + SLICE_US;
+        let health = self.world.run_until(until_us)?;
         let telemetry = self.listen()?;
-        let begun = self.sil.episode().pushes.iter().filter(|push| push.at_s <= self.now_s()).count();
+        let begun = self.world.body().episode().pushes.iter().filter(|push| push.at_s <= self.now_s()).count();
         let pushed = begun > std::mem::replace(&mut self.pushes_begun, begun);
         Ok(Slice { telemetry, health, pushed })
     }
@@ -136,7 +153,7 @@ impl SimRobot {
         self.arm();
         loop {
             let health = self.advance()?.health;
-            let now_us = self.sil.now_us();
+            let now_us = self.world.now_us();
             let done = self.armed && self.settled();
             if health != Health::Upright || (done && now_us as f32 * 1e-6 >= at_s - 1e-4) {
                 return Ok(health);
@@ -164,17 +181,17 @@ impl SimRobot {
         if self.want_armed && !self.armed && !self.asked_to_arm {
             self.asked_to_arm = self.session.arm().is_ok();
         }
-        let now_us = self.sil.now_us();
+        let now_us = self.world.now_us();
         while let Some(bytes) = self.session.poll(now_us) {
-            self.sil.host_write(&bytes);
+            self.world.host_write(&bytes);
         }
         Ok(())
     }
 
     fn listen(&mut self) -> Result<Vec<Telemetry>, LinkError> {
-        let bytes = self.sil.host_read();
+        let bytes = self.world.host_read();
         let mut news = vec![];
-        self.session.on_bytes(self.sil.now_us(), &bytes, &mut |item| news.push(item));
+        self.session.on_bytes(self.world.now_us(), &bytes, &mut |item| news.push(item));
         let mut telemetry = vec![];
         for item in news {
             match item {
