@@ -43,19 +43,15 @@ impl Machine {
 
     /// Runs whole slices until `until` is reached, or until a chip stops; returns which, and why.
     ///
-    /// After a stop the other chips have finished the slice; the next call finishes it for the stopped one.
+    /// The next call finishes the slice, first for the stopped chip, then for those after it.
     pub fn run_until(&mut self, until: Cycles, exchange: &mut impl Exchange) -> Option<(usize, Stop)> {
         while self.now < until {
             let end = Cycles((self.now.0 / SLICE + 1) * SLICE);
-            let mut stopped = None;
             for (index, chip) in self.chips.iter_mut().enumerate() {
                 match chip.run_until(end) {
                     Stop::Time => {}
-                    stop => stopped = stopped.or(Some((index, stop))),
+                    stop => return Some((index, stop)),
                 }
-            }
-            if stopped.is_some() {
-                return stopped;
             }
             self.now = end;
             exchange.exchange(end, &mut self.chips);
