@@ -51,6 +51,8 @@ pub struct Channel {
     /// Units a count is worth, in steps of 2^-(16 + shift).
     gain: i32,
     shift: u32,
+    /// What a reading of 0 is worth, in the same steps, with half a result's step for rounding.
+    offset: i32,
 }
 
 impl Channel {
@@ -64,14 +66,14 @@ impl Channel {
             scaled *= 0.5;
         }
         assert!(zero <= ADC_MAX && scaled >= 1.0 && shift < 16);
-        Channel { zero, gain: (scaled + 0.5) as i32, shift }
+        let gain = (scaled + 0.5) as i32;
+        Channel { zero, gain, shift, offset: (1 << shift >> 1) - zero as i32 * gain }
     }
 
     /// The value of a reading; readings the converter cannot give count as full scale.
     pub const fn value(&self, counts: u16) -> Q16 {
         let counts = if counts > ADC_MAX { ADC_MAX } else { counts };
-        let steps = (counts as i32 - self.zero as i32) * self.gain;
-        Q16((steps + (1 << self.shift >> 1)) >> self.shift)
+        Q16((counts as i32 * self.gain + self.offset) >> self.shift)
     }
 
     /// The reading closest to `value`, as a simulated sensor gives it; NaN reads as [`Channel::zero`].
@@ -88,8 +90,8 @@ impl Channel {
 pub struct Calibration {
     /// Joint positions \[left, right\].
     pub position: [Channel; 2],
-    /// Pads, in the order of [`Counts::load`].
-    pub load: [Channel; 4],
+    /// Pads, in the order of [`Counts::load`]; without them every load is 0.
+    pub load: Option<[Channel; 4]>,
     /// Speed at a duty of [`PWM_PERIOD`], m/s or rad/s, above 1/16.
     pub full_speed: Q16,
     /// Counts of duty per unit of speed, in steps of 2⁻¹⁶; from `full_speed`.
@@ -98,10 +100,14 @@ pub struct Calibration {
 
 impl Calibration {
     /// Both joints alike, all pads alike.
-    pub const fn new(position: Channel, load: Channel, full_speed: Q16) -> Calibration {
+    pub const fn new(position: Channel, pad: Option<Channel>, full_speed: Q16) -> Calibration {
         assert!(full_speed.0 > Q16::ONE.0 / 16);
         let duty_per_speed = ((PWM_PERIOD as i64) << 32) / full_speed.0 as i64;
-        Calibration { position: [position; 2], load: [load; 4], full_speed, duty_per_speed }
+        let load = match pad {
+            Some(pad) => Some([pad; 4]),
+            None => None,
+        };
+        Calibration { position: [position; 2], load, full_speed, duty_per_speed }
     }
 
     /// What the readings mean.
@@ -109,12 +115,10 @@ impl Calibration {
         let Counts { position: [left, right], load: [left_heel, left_toe, right_heel, right_toe] } = *counts;
         Sensors {
             position: [self.position[0].value(left), self.position[1].value(right)],
-            load: [
-                self.load[0].value(left_heel),
-                self.load[1].value(left_toe),
-                self.load[2].value(right_heel),
-                self.load[3].value(right_toe),
-            ],
+            load: match &self.load {
+                Some([a, b, c, d]) => [a.value(left_heel), b.value(left_toe), c.value(right_heel), d.value(right_toe)],
+                None => [Q16::ZERO; 4],
+            },
         }
     }
 
@@ -124,8 +128,8 @@ impl Calibration {
         for (i, value) in position.into_iter().enumerate() {
             counts.position[i] = self.position[i].counts(value);
         }
-        for (i, value) in load_n.into_iter().enumerate() {
-            counts.load[i] = self.load[i].counts(value);
+        for ((counts, channel), value) in counts.load.iter_mut().zip(self.load.iter().flatten()).zip(load_n) {
+            *counts = channel.counts(value);
         }
         counts
     }
@@ -158,9 +162,9 @@ impl Calibration {
 const PAD: Channel = Channel::new(64, 0.5);
 
 /// Linear actuators: ±0.25 m, 0.12 mm a count.
-pub const KNEE: Calibration = Calibration::new(Channel::new(2048, 1.0 / 8192.0), PAD, Q16::ONE);
+pub const KNEE: Calibration = Calibration::new(Channel::new(2048, 1.0 / 8192.0), Some(PAD), Q16::ONE);
 /// Hips: ±2 rad, 1 mrad a count.
-pub const HIP: Calibration = Calibration::new(Channel::new(2048, 1.0 / 1024.0), PAD, Q16::lit(6.0));
+pub const HIP: Calibration = Calibration::new(Channel::new(2048, 1.0 / 1024.0), None, Q16::lit(6.0));
 /// Abductors: as the hips.
 pub const ABDUCTOR: Calibration = HIP;
 
@@ -176,8 +180,8 @@ mod tests {
         assert_eq!(KNEE.position[0].value(2048), Q16::ZERO);
         assert_eq!(KNEE.position[0].value(0), Q16::lit(-0.25));
         assert_eq!(HIP.position[1].value(2048 + 1024), Q16::ONE);
-        assert_eq!(KNEE.load[0].value(64 + 30), Q16::lit(15.0));
-        assert_eq!(KNEE.load[0].value(u16::MAX), KNEE.load[0].value(ADC_MAX));
+        assert_eq!(PAD.value(64 + 30), Q16::lit(15.0));
+        assert_eq!(PAD.value(u16::MAX), PAD.value(ADC_MAX));
     }
 
     #[test]
@@ -201,7 +205,7 @@ mod tests {
         #[test]
         fn every_reading_survives_the_way_out_and_back(counts in 0..=ADC_MAX) {
             for node in ALL {
-                for channel in node.position.iter().chain(&node.load) {
+                for channel in node.position.iter().chain(node.load.iter().flatten()) {
                     prop_assert_eq!(channel.counts(channel.value(counts).to_f32()), counts);
                 }
             }

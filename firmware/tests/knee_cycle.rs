@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use sarah_firmware::lpg::Drive;
 use sarah_firmware::lpg::factor::PlainDivider;
+use sarah_firmware::lpg::fall::Fall;
 use sarah_firmware::lpg::knee::{Knee, KneeInputs, KneeOutputs, KneeParams, Phase};
 use sarah_firmware::lpg::rules::KNEE;
 use sarah_protocol::bus::{GaitEvent, Motion, Side};
@@ -44,7 +45,7 @@ impl Rig {
             dt_us: self.dt_us,
             load: self.load,
             position: self.position.map(Q16::lit),
-            motion: &self.motion,
+            fall: &Fall::of(&PlainDivider, &KNEE, &self.motion),
             may_start: self.may_start,
         };
         let out = self.knee.tick(&PlainDivider, &inputs, &params());
@@ -324,7 +325,7 @@ proptest! {
                 dt_us,
                 load: load.map(Q16),
                 position: position.map(Q16),
-                motion: &motion,
+                fall: &Fall::of(&PlainDivider, &KNEE, &motion),
                 may_start,
             };
             let before = (knee.cycle(), knee.steps());

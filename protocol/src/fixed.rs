@@ -54,13 +54,13 @@ impl Q16 {
 
     /// Product, rounded to nearest, saturating.
     pub const fn times(self, other: Q16) -> Q16 {
-        Q16(saturate((self.0 as i64 * other.0 as i64 + (1 << 15)) >> 16))
+        Q16(saturate((wide(self.0, other.0) + (1 << 15)) >> 16))
     }
 
     /// Product with a whole number of steps per unit: `self · numerator / 2^shift`, rounded down. For filter gains finer
     /// than 2⁻¹⁶.
     pub const fn scaled(self, numerator: i32, shift: u32) -> Q16 {
-        Q16(saturate((self.0 as i64 * numerator as i64) >> shift))
+        Q16(saturate(wide(self.0, numerator) >> shift))
     }
 
     /// Magnitude; saturates at [`Q16::MAX`].
@@ -83,6 +83,20 @@ impl Q16 {
             Q16::ZERO
         }
     }
+}
+
+/// The whole product. In halves: the chip multiplies 32 bits in one instruction, and calls a function of a hundred cycles
+/// for 64.
+#[inline(never)]
+const fn wide(a: i32, b: i32) -> i64 {
+    let (high_a, low_a) = (a >> 16, a & 0xffff);
+    let (high_b, low_b) = (b >> 16, b & 0xffff);
+    let low = (low_a as u32).wrapping_mul(low_b as u32);
+    // Each below 2^31, and with what the low half carries still so.
+    let middle = high_a * low_b + (low >> 16) as i32;
+    let other = low_a * high_b + (middle & 0xffff);
+    let high = high_a * high_b + (middle >> 16) + (other >> 16);
+    (high as i64) << 32 | ((other as u32) << 16 | low & 0xffff) as i64
 }
 
 const fn saturate(wide: i64) -> i32 {
@@ -143,6 +157,13 @@ mod tests {
     }
 
     proptest::proptest! {
+        #[test]
+        fn the_whole_product_is_whole(a: i32, b: i32, shift in 0..32) {
+            for (a, b) in [(a, b), (a >> shift, b), (i32::MIN, a), (i32::MAX, b), (i32::MIN, i32::MIN), (-1, a >> shift)] {
+                proptest::prop_assert_eq!(wide(a, b), i64::from(a) * i64::from(b));
+            }
+        }
+
         #[test]
         fn floats_convert_as_in_exact_arithmetic(bits: u32, near_one in -40_000.0_f32..40_000.0) {
             for value in [f32::from_bits(bits), near_one, near_one / 65536.0] {

@@ -4,13 +4,16 @@
 
 use sarah_firmware::board::samc21::divider::Divas;
 use sarah_firmware::board::samc21::node::{Board, Control};
+use sarah_firmware::board::samc21::vectors::interrupt;
 use sarah_firmware::board::samc21::wiring;
 use sarah_firmware::lpg::rules;
 use sarah_firmware::node::KneeNode;
 
-#[embassy_executor::task]
-async fn control(control: Control, node: KneeNode<Divas>) -> ! {
-    control.run(node).await
+static CONTROL: Control<KneeNode<Divas>> = Control::new();
+
+#[cortex_m_rt::interrupt]
+fn AC() {
+    CONTROL.on_interrupt();
 }
 
 #[cortex_m_rt::entry]
@@ -18,5 +21,5 @@ fn main() -> ! {
     let mut board = Board::start(&wiring::KNEE);
     let config = board.config(sarah_firmware::default_params());
     let node = KneeNode::new(config, rules::KNEE, board.divider());
-    board.run(|spawner, io| spawner.spawn(control(io, node).expect("spawned once")))
+    board.run(node, &CONTROL)
 }

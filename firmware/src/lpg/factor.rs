@@ -95,9 +95,11 @@ pub fn factor<D: Divider>(divider: &D, acceleration: Q16, rotation: Q16) -> u32 
     let a = acceleration.0.clamp(0, 60 << 16);
     let g = rotation.0.clamp(0, 4 << 16);
     let fall = (a - (5 << 16)) << 4;
-    const SLOPE: i64 = (10.0 * LOG2_3 * (1u64 << 24) as f64 + 0.5) as i64;
+    const SLOPE: u32 = (10.0 * LOG2_3 * (1u64 << 24) as f64 + 0.5) as u32;
     const OFFSET: i32 = (5.0 * LOG2_3 * (1u64 << 20) as f64 + 0.5) as i32;
-    let turn = OFFSET - ((g as i64 * SLOPE) >> 20) as i32;
+    // g · SLOPE >> 20, with SLOPE in halves of 14 bits: g is at most 2^18, so that neither product passes 32.
+    let (high, low) = (SLOPE >> 14, SLOPE & 0x3fff);
+    let turn = OFFSET - ((g as u32 * high + ((g as u32 * low) >> 14)) >> 6) as i32;
     logistic(divider, fall) + logistic(divider, turn)
 }
 
@@ -150,6 +152,18 @@ mod tests {
         fn thirty_two_bits_give_what_sixty_four_give(x: i32, small in -(40 << 20)..40 << 20) {
             for x in [x, small, small >> 4, small >> 10] {
                 proptest::prop_assert_eq!(logistic(&PlainDivider, x), logistic_64(x), "{}", x);
+            }
+        }
+
+        #[test]
+        fn factor_is_what_sixty_four_bits_give(a: i32, g: i32, shift in 0..32) {
+            for (a, g) in [(a, g), (a >> shift, g >> 13), (a >> 9, g >> 14), (0, 4 << 16)] {
+                let fall = (a.clamp(0, 60 << 16) - (5 << 16)) << 4;
+                let slope = (10.0 * LOG2_3 * (1u64 << 24) as f64 + 0.5) as i64;
+                let offset = (5.0 * LOG2_3 * (1u64 << 20) as f64 + 0.5) as i32;
+                let turn = offset - ((i64::from(g.clamp(0, 4 << 16)) * slope) >> 20) as i32;
+                let expected = logistic_64(fall) + logistic_64(turn);
+                proptest::prop_assert_eq!(factor(&PlainDivider, Q16(a), Q16(g)), expected, "{} {}", a, g);
             }
         }
     }

@@ -12,13 +12,14 @@
 //! Every state has a time-out; at most one step is counted per cycle.
 
 use heapless::Vec;
-use sarah_protocol::bus::{GaitEvent, Motion, Side};
+use sarah_protocol::bus::{GaitEvent, Side};
 use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::ParamSet;
 
+use super::Drive;
 use super::factor::{self, Divider, FACTOR_THRESHOLD_Q30};
+use super::fall::Fall;
 use super::rules::KneeRules;
-use super::{Drive, longer};
 
 /// P1–P3 in fixed point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -63,7 +64,7 @@ pub struct KneeInputs<'a> {
     /// Stroke \[left, right\], m, extension positive, 0 at rest.
     pub position: [Q16; 2],
     /// Newest IMU products.
-    pub motion: &'a Motion,
+    pub fall: &'a Fall,
     /// Whether a new cycle may start.
     pub may_start: bool,
 }
@@ -89,6 +90,8 @@ pub struct Knee {
     phase_us: u32,
     /// Step height of this cycle, m.
     step: Q16,
+    /// Where its kick ends, m.
+    kick_height: Q16,
     /// The swing foot was unloaded at some time of this cycle.
     lifted: bool,
     /// The swing foot is in the air now.
@@ -97,7 +100,6 @@ pub struct Knee {
     stepped_before: bool,
     steps: u32,
     cycle: u32,
-    factor_q30: u32,
 }
 
 impl Knee {
@@ -109,13 +111,13 @@ impl Knee {
             swing: Side::Left,
             phase_us: u32::MAX,
             step: Q16::ZERO,
+            kick_height: Q16::ZERO,
             lifted: false,
             airborne: false,
             counted: false,
             stepped_before: false,
             steps: 0,
             cycle: 0,
-            factor_q30: 0,
         }
     }
 
@@ -139,11 +141,6 @@ impl Knee {
         self.cycle
     }
 
-    /// Factor (eq. 1) of the last tick.
-    pub fn factor(&self) -> Q16 {
-        factor::q30_to_q16(self.factor_q30)
-    }
-
     /// Ends the cycle where it is. True if one was running.
     pub fn abort(&mut self) -> bool {
         let running = self.phase != Phase::Idle;
@@ -155,23 +152,21 @@ impl Knee {
     }
 
     /// One control tick.
+    #[inline(never)]
     pub fn tick<D: Divider>(&mut self, divider: &D, inputs: &KneeInputs, params: &KneeParams) -> KneeOutputs {
         let mut out = KneeOutputs::default();
         self.phase_us = self.phase_us.saturating_add(inputs.dt_us);
         let loaded = inputs.load.map(|force| force > self.rules.loaded_n);
-        let motion = inputs.motion;
-        self.factor_q30 = factor::factor(divider, motion.acceleration, motion.rotation);
-        let ([rate_x, rate_y], [lean_x, lean_y]) = (motion.rate, motion.lean);
-        let xi = [self.xi(rate_x, lean_x), self.xi(rate_y, lean_y)];
 
         if self.phase == Phase::Idle
             && inputs.may_start
-            && let Some(swing) = self.start(loaded, xi)
+            && let Some(swing) = self.start(loaded, inputs.fall)
         {
             self.swing = swing;
             // `clamp` would panic on a range upside down, and with it the panic machinery would be linked into the tick.
             let (shortest, longest) = self.rules.step;
-            self.step = factor::q30_to_q16(factor::step(divider, self.factor_q30)).max(shortest).min(longest);
+            self.step = factor::q30_to_q16(factor::step(divider, inputs.fall.factor_q30)).max(shortest).min(longest);
+            self.kick_height = self.rules.kick_fraction.times(self.step);
             self.lifted = false;
             self.airborne = false;
             self.counted = false;
@@ -187,8 +182,7 @@ impl Knee {
         let mut drive = Drive::Brake;
 
         if self.phase == Phase::Kick {
-            let height = self.rules.kick_fraction.times(self.step);
-            if position >= height || self.passed(self.rules.kick_us, inputs.dt_us) {
+            if position >= self.kick_height || self.passed(self.rules.kick_us, inputs.dt_us) {
                 self.enter(Phase::Retract);
             } else {
                 drive = Drive::Velocity(params.kick);
@@ -206,10 +200,13 @@ impl Knee {
         if self.phase == Phase::Extend {
             let landed = grounded && self.lifted;
             let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
-            let lead = speed.scaled(self.rules.lead_us as i32, 0).0 / 1_000_000;
+            let gap = -(position + self.rules.lead_margin);
+            // gap ≤ speed · lead, without a division; the right side has 31 bits.
+            let arrived = gap <= Q16::ZERO
+                || (gap.0 <= i32::MAX / 1_000_000 && gap.0 * 1_000_000 <= speed.scaled(self.rules.lead_us as i32, 0).0);
             let late = self.passed(self.rules.stroke_us, inputs.dt_us);
-            let falling = landed && longer(xi[0], xi[1], self.rules.brake_xi);
-            if position >= -(Q16(lead) + self.rules.lead_margin) || late || falling {
+            let falling = landed && inputs.fall.brakes;
+            if arrived || late || falling {
                 out.timed_out |= late;
                 self.flags(grounded, true, &mut out);
                 self.enter(Phase::Idle);
@@ -230,26 +227,19 @@ impl Knee {
         out
     }
 
-    /// ξ along one axis: where the fall is heading, rad/s.
-    fn xi(&self, rate: Q16, lean: Q16) -> Q16 {
-        rate + self.rules.pendulum.times(lean)
-    }
-
     /// The leg to swing if a cycle starts now.
-    fn start(&self, loaded: [bool; 2], xi: [Q16; 2]) -> Option<Side> {
+    fn start(&self, loaded: [bool; 2], fall: &Fall) -> Option<Side> {
         let rules = &self.rules;
         match loaded {
-            [true, true] if self.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us => {
+            [true, true] if fall.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us => {
                 let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
-                Some(match (fresh, xi[1] > Q16::ZERO) {
+                Some(match (fresh, fall.left) {
                     (false, _) => self.swing.other(),
                     (true, true) => Side::Left,
                     (true, false) => Side::Right,
                 })
             }
-            [left, right]
-                if left != right && longer(xi[0], xi[1], rules.chain_xi) && self.phase_us >= rules.chain_dwell_us =>
-            {
+            [left, right] if left != right && fall.chains && self.phase_us >= rules.chain_dwell_us => {
                 Some(if left { Side::Right } else { Side::Left })
             }
             _ => None,

@@ -2,13 +2,14 @@
 //!
 //! - [`knee`]: LPG1, linear actuators; owns the cycle and raises the flags (paper, Fig. 3).
 //! - [`swing`]: LPG2 (hips) and LPG3 (abductors); one rule, two sets of numbers, driven by the flags (Fig. 2).
-//! - [`factor`]: eq. 1 and 2 in fixed point.
+//! - [`fall`]: what LPG1 reads from the IMU. [`factor`]: eq. 1 and 2 in fixed point.
 //! - [`rules`]: the constants that are not trained.
 //!
 //! All are pure: `tick(inputs) -> outputs`, integers only, no allocation, bounded time, and no behaviour that depends on
 //! the tick rate beyond sampling.
 
 pub mod factor;
+pub mod fall;
 pub mod knee;
 pub mod rules;
 pub mod swing;
@@ -25,13 +26,29 @@ pub enum Drive {
     Velocity(Q16),
 }
 
-/// Squared length of a planar vector, Q32 in 64 bits: comparing squares needs no square root.
-fn squared(a: Q16, b: Q16) -> i64 {
-    let (a, b) = (a.0 as i64, b.0 as i64);
-    (a * a).saturating_add(b * b)
+/// Whether the vector (a, b) is longer than `limit`, from 0 to below [`LONGEST`].
+fn longer(a: Q16, b: Q16, limit: Q16) -> bool {
+    let (a, b, limit) = (a.0.unsigned_abs(), b.0.unsigned_abs(), limit.0 as u32);
+    // Comparing squares needs no square root, and what is left to compare fits 32 bits.
+    a > limit || b > limit || a * a + b * b > limit * limit
 }
 
-/// Whether the vector (a, b) is longer than `limit` ≥ 0.
-fn longer(a: Q16, b: Q16, limit: Q16) -> bool {
-    squared(a, b) > limit.0 as i64 * limit.0 as i64
+/// See [`longer`].
+const LONGEST: Q16 = Q16::lit(0.5);
+const _: () = assert!(rules::KNEE.chain_xi.0 < LONGEST.0 && rules::KNEE.brake_xi.0 < LONGEST.0);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    proptest::proptest! {
+        #[test]
+        fn longer_is_a_comparison_of_lengths(a: i32, b: i32, shift in 0..20, limit in 0..LONGEST.0) {
+            for (a, b) in [(a, b), (a >> 16, b >> shift), (a >> 17, b >> 17), (limit, 0), (0, -limit), (limit, 1)] {
+                let squared = i128::from(a).pow(2) + i128::from(b).pow(2);
+                let expected = squared > i128::from(limit).pow(2);
+                proptest::prop_assert_eq!(longer(Q16(a), Q16(b), Q16(limit)), expected, "{} {} {}", a, b, limit);
+            }
+        }
+    }
 }

@@ -4,8 +4,10 @@ use sarah_protocol::bus::{Gait, GaitEvent, Message, NodeId, limits};
 use sarah_protocol::fixed::Q16;
 
 use super::link::{NodeConfig, NodeLink, View};
-use super::{Node, Outputs, Sensors};
+use super::{Node, Sensors};
+use crate::lpg::Drive;
 use crate::lpg::factor::Divider;
+use crate::lpg::fall::Fall;
 use crate::lpg::knee::{Knee, KneeInputs, KneeParams, Phase};
 use crate::lpg::rules::KneeRules;
 
@@ -19,6 +21,9 @@ pub struct KneeNode<D> {
     lpg: Knee,
     params: KneeParams,
     divider: D,
+    rules: KneeRules,
+    /// The newest motion message.
+    fall: Fall,
     /// Generation to put into force at the next boundary.
     activate: Option<u32>,
     since_beat_us: u32,
@@ -27,11 +32,14 @@ pub struct KneeNode<D> {
 impl<D: Divider> KneeNode<D> {
     /// Braked and idle.
     pub fn new(config: NodeConfig, rules: KneeRules, divider: D) -> Self {
+        let link = NodeLink::new(NodeId::Knee, config);
         KneeNode {
-            link: NodeLink::new(NodeId::Knee, config),
+            fall: Fall::of(&divider, &rules, link.motion()),
+            link,
             lpg: Knee::new(rules),
             params: KneeParams::from(&config.default),
             divider,
+            rules,
             activate: None,
             since_beat_us: 0,
         }
@@ -47,9 +55,9 @@ impl<D: Divider> KneeNode<D> {
         self.link.applied().0
     }
 
-    fn say(&mut self, event: GaitEvent, out: &mut Outputs) {
+    fn say(&mut self, event: GaitEvent, say: &mut impl FnMut(Message)) {
         self.since_beat_us = 0;
-        out.send(Message::Gait(Gait {
+        say(Message::Gait(Gait {
             event,
             swing: self.lpg.swing(),
             cycle: self.lpg.cycle(),
@@ -60,30 +68,31 @@ impl<D: Divider> KneeNode<D> {
 
 impl<D: Divider> Node for KneeNode<D> {
     fn on_message(&mut self, message: &Message) -> Option<Message> {
-        if let Message::Activate(generation) = message
-            && self.link.staged() == Some(*generation)
-        {
-            self.activate = Some(*generation);
+        match message {
+            Message::Activate(generation) if self.link.staged() == Some(*generation) => {
+                self.activate = Some(*generation);
+            }
+            Message::Motion(motion) => self.fall = Fall::of(&self.divider, &self.rules, motion),
+            _ => {}
         }
         self.link.on_message(message)
     }
 
-    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
-        let sensors = self.link.begin(dt_us, sensors);
+    fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2] {
+        let position = self.link.begin(dt_us, sensors);
         self.since_beat_us = self.since_beat_us.saturating_add(dt_us);
-        let mut out = Outputs::default();
 
         if self.link.must_brake() && self.lpg.abort() {
-            self.say(GaitEvent::CycleEnd, &mut out);
+            self.say(GaitEvent::CycleEnd, say);
         }
         if self.lpg.phase() == Phase::Idle {
             if let Some(generation) = self.activate.take()
                 && self.link.swap_to(generation)
             {
                 self.params = KneeParams::from(self.link.applied().1);
-                self.say(GaitEvent::Boundary, &mut out);
+                self.say(GaitEvent::Boundary, say);
             } else if self.since_beat_us >= BEAT_PERIOD_US {
-                self.say(GaitEvent::Beat, &mut out);
+                self.say(GaitEvent::Beat, say);
             }
         }
 
@@ -91,26 +100,28 @@ impl<D: Divider> Node for KneeNode<D> {
         let inputs = KneeInputs {
             dt_us,
             load: [left_heel + left_toe, right_heel + right_toe],
-            position: sensors.position,
-            motion: self.link.motion(),
+            position,
+            fall: &self.fall,
             may_start: !self.link.must_brake() && self.link.fresh(),
         };
-        let decided = self.lpg.tick(&self.divider, &inputs, &self.params);
+        let mut decided = self.lpg.tick(&self.divider, &inputs, &self.params);
         for event in &decided.events {
-            self.say(*event, &mut out);
+            self.say(*event, say);
         }
         if decided.timed_out {
             self.link.limit(limits::TIMED_OUT);
         }
-        out.drive = decided.drive;
-        let view = View {
-            phase: self.lpg.phase() as u8,
-            factor: self.lpg.factor(),
-            steps: self.lpg.steps(),
-            cycle: self.lpg.cycle(),
-        };
-        self.link.finish(&mut out, view);
-        out
+        self.link.stop_at_ends(&mut decided.drive);
+        if self.link.status_is_due() {
+            let view = View {
+                phase: self.lpg.phase() as u8,
+                factor: self.fall.factor(),
+                steps: self.lpg.steps(),
+                cycle: self.lpg.cycle(),
+            };
+            say(self.link.status(sensors, view));
+        }
+        decided.drive
     }
 }
 

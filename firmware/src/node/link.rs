@@ -5,7 +5,7 @@ use sarah_protocol::fixed::Q16;
 use sarah_protocol::newer;
 use sarah_protocol::params::ParamSet;
 
-use super::{Outputs, Sensors};
+use super::Sensors;
 use crate::lpg::Drive;
 
 /// IMU products older than this are no basis for motion: five samples at the slowest IMU rate.
@@ -38,7 +38,8 @@ pub struct NodeLink {
     applied: (u32, ParamSet),
     staged: Option<(u32, ParamSet)>,
     since_status_us: u32,
-    good: Sensors,
+    /// Newest plausible positions.
+    good: [Q16; 2],
     /// Reasons of this tick.
     limits: u16,
     /// Reasons since the last status message.
@@ -66,7 +67,7 @@ impl NodeLink {
             applied: (0, config.default),
             staged: None,
             since_status_us: STATUS_PERIOD_US,
-            good: Sensors { position: [Q16::ZERO; 2], load: [Q16::ZERO; 4] },
+            good: [Q16::ZERO; 2],
             limits: 0,
             reported: 0,
         }
@@ -162,19 +163,19 @@ impl NodeLink {
         }
     }
 
-    /// Start of a tick: ages, and the sensors with implausible positions replaced.
-    pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) -> Sensors {
+    /// Start of a tick: ages, and the positions with implausible ones replaced.
+    #[inline(never)]
+    pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) -> [Q16; 2] {
         self.motion_age_us = self.motion_age_us.saturating_add(dt_us);
         self.since_status_us = self.since_status_us.saturating_add(dt_us);
         self.limits = 0;
-        for (good, new) in self.good.position.iter_mut().zip(sensors.position) {
+        for (good, new) in self.good.iter_mut().zip(sensors.position) {
             if new.abs() <= self.config.plausible {
                 *good = new;
             } else {
                 self.limits |= limits::SENSOR;
             }
         }
-        self.good.load = sensors.load;
         if self.mode == Mode::Braked {
             self.limits |= limits::BRAKED;
         }
@@ -187,9 +188,10 @@ impl NodeLink {
         self.good
     }
 
-    /// End of a tick: end stops, and a status message when one is due.
-    pub fn finish(&mut self, out: &mut Outputs, view: View) {
-        for (drive, position) in out.drive.iter_mut().zip(self.good.position) {
+    /// Brakes what would pass the end of its range.
+    #[inline(never)]
+    pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
+        for (drive, position) in drive.iter_mut().zip(self.good) {
             let stop = self.config.end_stop;
             if let Drive::Velocity(speed) = *drive
                 && ((speed > Q16::ZERO && position >= stop) || (speed < Q16::ZERO && position <= -stop))
@@ -198,26 +200,33 @@ impl NodeLink {
                 self.limits |= limits::END_STOP;
             }
         }
+    }
+
+    /// End of a tick: whether it is time for [`NodeLink::status`].
+    pub fn status_is_due(&mut self) -> bool {
         self.reported |= self.limits;
-        if self.since_status_us >= STATUS_PERIOD_US {
-            self.since_status_us = 0;
-            out.send(Message::Status(
-                self.id,
-                Status {
-                    position: self.good.position,
-                    loads: self.good.load.map(decinewtons),
-                    phase: view.phase,
-                    factor: view.factor,
-                    steps: view.steps,
-                    cycle: view.cycle,
-                    applied: self.applied.0,
-                    staged: self.staged(),
-                    limits: self.reported,
-                    boot_nonce: self.config.boot_nonce,
-                },
-            ));
-            self.reported = 0;
-        }
+        self.since_status_us >= STATUS_PERIOD_US
+    }
+
+    /// The status message, with the reasons since the last one.
+    pub fn status(&mut self, sensors: &Sensors, view: View) -> Message {
+        self.since_status_us = 0;
+        let limits = core::mem::take(&mut self.reported);
+        Message::Status(
+            self.id,
+            Status {
+                position: self.good,
+                loads: sensors.load.map(decinewtons),
+                phase: view.phase,
+                factor: view.factor,
+                steps: view.steps,
+                cycle: view.cycle,
+                applied: self.applied.0,
+                staged: self.staged(),
+                limits,
+                boot_nonce: self.config.boot_nonce,
+            },
+        )
     }
 }
 

@@ -5,7 +5,7 @@
 //! - [`knee`]: the node of LPG1; owns the cycle and the generation in force.
 //! - [`swing`]: the node of LPG2 or LPG3; follows the knee's flags.
 //!
-//! A node is driven by two calls: [`Node::on_message`] for what came over the bus, [`Node::tick`] at the control rate.
+//! A node is driven by two calls: [`Node::on_message`] for what came over the bus, [`Node::control`] at the control rate.
 //! Neither blocks nor allocates; parsing never happens in the tick.
 
 pub mod knee;
@@ -42,19 +42,23 @@ pub struct Outputs {
     pub messages: Vec<Message, 8>,
 }
 
-impl Outputs {
-    fn send(&mut self, message: Message) {
-        // Eight slots hold everything one tick can raise; a message beyond that is repeated by the next beat or status.
-        let _ = self.messages.push(message);
-    }
-}
-
 /// What the firmware images and the simulator run.
 pub trait Node {
     /// A message from the bus; the answer, if it asks for one.
     fn on_message(&mut self, message: &Message) -> Option<Message>;
-    /// One control tick, `dt_us` after the last.
-    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs;
+    /// One control tick, `dt_us` after the last: commands for the \[left, right\] actuator. Messages for the bus go to
+    /// `say`, in order, and need no room in between.
+    fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2];
+
+    /// The same for those who want the messages in hand.
+    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
+        let mut messages = Vec::new();
+        let drive = self.control(dt_us, sensors, &mut |message| {
+            // Eight slots hold everything one tick can raise; a message beyond is repeated by the next beat or status.
+            let _ = messages.push(message);
+        });
+        Outputs { drive, messages }
+    }
 }
 
 /// The node that belongs to `id`, as the simulator runs it; the images name theirs directly.
@@ -83,10 +87,10 @@ impl Node for NodeKind {
         }
     }
 
-    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
+    fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2] {
         match self {
-            NodeKind::Knee(node) => node.tick(dt_us, sensors),
-            NodeKind::Swing(node) => node.tick(dt_us, sensors),
+            NodeKind::Knee(node) => node.control(dt_us, sensors, say),
+            NodeKind::Swing(node) => node.control(dt_us, sensors, say),
         }
     }
 }

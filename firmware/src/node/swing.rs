@@ -5,7 +5,8 @@ use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::{Lpg, ParamSet};
 
 use super::link::{NodeConfig, NodeLink, View};
-use super::{Node, Outputs, Sensors};
+use super::{Node, Sensors};
+use crate::lpg::Drive;
 use crate::lpg::rules::SwingRules;
 use crate::lpg::swing::{Swing, SwingParams};
 
@@ -68,9 +69,8 @@ impl Node for SwingNode {
         self.link.on_message(message)
     }
 
-    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
-        let sensors = self.link.begin(dt_us, sensors);
-        let mut out = Outputs::default();
+    fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2] {
+        let position = self.link.begin(dt_us, sensors);
         if self.missing {
             self.link.limit(limits::GENERATION_MISSING);
         }
@@ -78,14 +78,16 @@ impl Node for SwingNode {
         if self.link.must_brake() || !self.link.fresh() {
             self.lpg.abort();
         }
-        let (drive, timed_out) = self.lpg.tick(dt_us, sensors.position, &self.params);
+        let (mut drive, timed_out) = self.lpg.tick(dt_us, position, &self.params);
         if timed_out {
             self.link.limit(limits::TIMED_OUT);
         }
-        out.drive = drive;
-        let view = View { phase: self.lpg.phase() as u8, cycle: self.cycle, ..View::default() };
-        self.link.finish(&mut out, view);
-        out
+        self.link.stop_at_ends(&mut drive);
+        if self.link.status_is_due() {
+            let view = View { phase: self.lpg.phase() as u8, cycle: self.cycle, ..View::default() };
+            say(self.link.status(sensors, view));
+        }
+        drive
     }
 }
 

@@ -16,7 +16,8 @@ use super::dma;
 use super::regs::adc::*;
 use super::regs::dmac::{Lvl, triggers};
 use super::wiring::{ANALOGUE, INPUTS};
-use crate::calibration::Counts;
+use crate::calibration::{Calibration, Counts};
+use crate::node::Sensors;
 
 /// The DMA channel of the scan.
 const DMA_CHANNEL: u8 = 0;
@@ -37,9 +38,7 @@ const FACTORY_CALIBRATION: *const u32 = 0x0080_6020 as *const u32;
 /// Scans the inputs of a node.
 pub struct Scanner {
     dma: dma::Channel,
-    /// Inputs in the scan.
-    inputs: u16,
-    latest: Counts,
+    latest: Sensors,
     missed: u32,
 }
 
@@ -74,38 +73,40 @@ impl Scanner {
 
         // SAFETY: this channel is used here alone.
         let dma = unsafe { dma::Channel::new(DMA_CHANNEL, triggers::ADC0_RESRDY, Lvl::Lvl3) }?;
-        let mut scanner = Scanner { dma, inputs: inputs as u16, latest: Counts::default(), missed: 0 };
-        scanner.begin();
+        let mut scanner = Scanner { dma, latest: Sensors::default(), missed: 0 };
+        let transfer = dma::Descriptor {
+            control: dma::VALID | dma::HALF_WORD | dma::DESTINATION_INCREMENTS,
+            count: inputs as u16,
+            source: adc.pointer_to_result() as u32,
+            destination: RESULTS.0.get() as u32 + 2 * inputs as u32,
+            next: 0,
+        };
+        // SAFETY: the buffer is static, large enough, and read only when the scan is done or stopped.
+        unsafe { scanner.dma.start(transfer) };
+        adc.write_swtrig(SwTrig::ZERO.with_start(true));
         Some(scanner)
     }
 
     /// Starts a scan.
     pub fn begin(&mut self) {
-        let mut adc = adc();
-        let transfer = dma::Descriptor {
-            control: dma::VALID | dma::HALF_WORD | dma::DESTINATION_INCREMENTS,
-            count: self.inputs,
-            source: adc.pointer_to_result() as u32,
-            destination: RESULTS.0.get() as u32 + 2 * u32::from(self.inputs),
-            next: 0,
-        };
-        // SAFETY: the buffer is static, large enough, and read only when the scan is done or stopped.
-        unsafe { self.dma.start(transfer) };
-        adc.write_swtrig(SwTrig::ZERO.with_start(true));
+        // SAFETY: the transfer of `start`; see there.
+        unsafe { self.dma.restart() };
+        adc().write_swtrig(SwTrig::ZERO.with_start(true));
     }
 
     /// The scan begun last, or the one before if it is not finished.
-    pub fn collect(&mut self) -> Counts {
+    #[inline(never)]
+    pub fn collect(&mut self, calibration: &Calibration) -> &Sensors {
         if self.dma.is_done() {
-            // SAFETY: the scan is done, so nothing writes the buffer.
-            let [left, right, pads @ ..] = unsafe { RESULTS.0.get().read_volatile() };
-            self.latest = Counts { position: [left, right], load: pads };
+            // SAFETY: the scan is done, so nothing writes the buffer until the next begins.
+            let [left, right, pads @ ..] = unsafe { *RESULTS.0.get() };
+            self.latest = calibration.sensors(&Counts { position: [left, right], load: pads });
         } else {
             self.missed = self.missed.wrapping_add(1);
             // Whatever is stuck in the converter must not count as the first input of the next scan.
             adc().write_swtrig(SwTrig::ZERO.with_flush(true));
         }
-        self.latest
+        &self.latest
     }
 
     /// Scans that were not finished in time; wraps.

@@ -113,7 +113,18 @@ impl Channel {
         self.stop();
         // SAFETY: within the table, and the channel is off, so the controller does not read the entry.
         unsafe { self.entry(&DESCRIPTORS).write_volatile(transfer) };
+        // SAFETY: by the contract of this function.
+        unsafe { self.restart() };
+    }
+
+    /// Stops what is under way and starts the last transfer again.
+    ///
+    /// # Safety
+    /// As for [`Channel::start`].
+    pub unsafe fn restart(&mut self) {
         self.with(|dmac| {
+            dmac.write_chctrla(ChCtrlA::ZERO);
+            while dmac.read_chctrla().enable() {}
             dmac.write_chintflag(ChInterrupts::ZERO.with_terr(true).with_tcmpl(true).with_susp(true));
             dmac.write_chctrla(ChCtrlA::ZERO.with_enable(true));
         });

@@ -1,21 +1,23 @@
 //! A node image: what runs at which priority, and what passes between.
 //!
 //! ```text
-//!  TC4, 10 kHz ──► control task (interrupt executor)          bus task, housekeeping (thread executor)
-//!                  collect scan ► Node::tick ► outputs        CAN frames ► Message::decode ─► TO_NODE
+//!  TC4, 10 kHz ──► control_tick (its own interrupt)           bus task, housekeeping (thread executor)
+//!                  collect scan ► Node::control ► outputs     CAN frames ► Message::decode ─► TO_NODE
 //!                  begin scan                                 TO_BUS ─► Message::encode ► CAN frames
 //!                  one message ► Node::on_message             watchdog, log, LED
 //! ```
 //!
-//! Encoding, decoding and logging never run at the control task's priority. The node belongs to the control task alone,
+//! Encoding, decoding and logging never run at the control tick's priority. The node belongs to the tick's handler alone,
 //! so nothing is locked; a message waits for the end of a tick, 100 µs at most.
 
+use core::cell::Cell;
 use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
 use cortex_m::peripheral::syst::SystClkSource;
-use embassy_executor::{Executor, SendSpawner};
+use critical_section::Mutex;
+use embassy_executor::Executor;
 use embassy_futures::select::select3;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, Instant, Ticker, Timer};
@@ -33,7 +35,8 @@ use super::tick::{self, Ticks};
 use super::vitals::{Pulse, Vitals};
 use super::watchdog::Watchdog;
 use super::wiring::{LED, NODE_ACCEPTS, NodeBoard};
-use super::{clocks, dma, executor, fault, log, time_driver};
+use super::{clocks, dma, fault, log, time_driver};
+use crate::calibration::Calibration;
 use crate::node::{Node, NodeConfig};
 
 /// Received, for the node.
@@ -53,7 +56,7 @@ pub struct Board {
     board: &'static NodeBoard,
     /// Why it started.
     pub report: BootReport,
-    control: Control,
+    io: Io,
     bus: BusEnds,
     divider: Option<Divas>,
 }
@@ -85,8 +88,9 @@ impl Board {
         let ticks = Ticks::start(tick::NODE_US);
         let (to_bus, from_node) = TO_BUS.take().split();
         let (to_node, from_bus) = TO_NODE.take().split();
-        let control = Control { board, ticks, scanner, outputs, to_bus, from_bus };
-        Board { board, report, control, bus: BusEnds { can, to_node, from_node }, divider }
+        let calibration = board.calibration;
+        let io = Io { calibration, ticks, scanner, outputs, to_bus, from_bus };
+        Board { board, report, io, bus: BusEnds { can, to_node, from_node }, divider }
     }
 
     /// What the node is born with.
@@ -99,11 +103,11 @@ impl Board {
         self.divider.take().expect(NOT_TWICE)
     }
 
-    /// Starts all tasks; `spawn` starts the control task.
-    pub fn run(self, spawn: impl FnOnce(SendSpawner, Control)) -> ! {
-        let Board { board, report, control, bus: ends, .. } = self;
+    /// Starts all tasks, and the ticks of `node`.
+    pub fn run<N: Node>(self, node: N, control: &'static Control<N>) -> ! {
+        let Board { board, report, io, bus: ends, .. } = self;
         report.log(board.joints);
-        spawn(executor::start(), control);
+        control.start(io, node);
         static SLOW: StaticCell<Executor> = StaticCell::new();
         SLOW.init(Executor::new()).run(|spawner| {
             spawner.spawn(bus(ends).expect(NOT_TWICE));
@@ -112,9 +116,51 @@ impl Board {
     }
 }
 
-/// The control task's peripherals and its ends of the queues.
-pub struct Control {
-    board: &'static NodeBoard,
+/// A node and what it controls. An image has one, and runs it in the handler of [`tick::HANDLER`].
+pub struct Control<N: 'static> {
+    place: StaticCell<(Io, N)>,
+    /// Taken by the handler for the time of a tick, so that nothing is locked meanwhile.
+    at_rest: Mutex<Cell<Option<&'static mut (Io, N)>>>,
+}
+
+impl<N: Node> Control<N> {
+    /// Nothing to control yet.
+    pub const fn new() -> Control<N> {
+        Control { place: StaticCell::new(), at_rest: Mutex::new(Cell::new(None)) }
+    }
+
+    fn start(&'static self, io: Io, node: N) {
+        let both = self.place.init((io, node));
+        both.0.ticks.handle();
+        critical_section::with(|lock| self.at_rest.borrow(lock).set(Some(both)));
+    }
+
+    /// Serves the ticks since the last time. For the handler of [`tick::HANDLER`] alone.
+    #[inline]
+    pub fn on_interrupt(&self) {
+        let Some(both) = critical_section::with(|lock| self.at_rest.borrow(lock).take()) else { return };
+        let (io, node) = &mut *both;
+        let dt_us = io.ticks.passed();
+        if dt_us != 0 {
+            if control_tick(io, node, dt_us) {
+                BUS_WAKER.wake();
+            }
+            CONTROL_PULSE.beat();
+        }
+        critical_section::with(|lock| self.at_rest.borrow(lock).set(Some(both)));
+    }
+}
+
+impl<N: Node> Default for Control<N> {
+    fn default() -> Self {
+        Control::new()
+    }
+}
+
+/// The peripherals of the control tick and its ends of the queues.
+pub struct Io {
+    /// A copy: the flash would make every look at it wait.
+    calibration: Calibration,
     ticks: Ticks,
     scanner: Scanner,
     outputs: Outputs,
@@ -122,43 +168,28 @@ pub struct Control {
     from_bus: Receiver<'static, Message, 8>,
 }
 
-impl Control {
-    /// The control loop, for ever.
-    pub async fn run<N: Node>(mut self, mut node: N) -> ! {
-        loop {
-            let dt_us = self.ticks.next().await;
-            let spoke = control_tick(&mut self, &mut node, dt_us);
-            if spoke {
-                BUS_WAKER.wake();
-            }
-            CONTROL_PULSE.beat();
-        }
-    }
-
-    fn say(&mut self, message: Message) {
-        if self.to_bus.send(message).is_err() {
-            UNSENT.beat();
-        }
+/// To the bus task.
+#[inline(never)]
+fn say(to_bus: &mut Sender<'static, Message, 16>, message: Message) {
+    if to_bus.send(message).is_err() {
+        UNSENT.beat();
     }
 }
 
 /// One tick; whether there is something to send. A function of its own, so that the images can be searched for what is
 /// reachable from it.
 #[inline(never)]
-fn control_tick<N: Node>(io: &mut Control, node: &mut N, dt_us: u32) -> bool {
-    let calibration = &io.board.calibration;
-    let sensors = calibration.sensors(&io.scanner.collect());
-    let out = node.tick(dt_us, &sensors);
-    io.outputs.set(out.drive.map(|drive| calibration.command(drive)));
+fn control_tick<N: Node>(io: &mut Io, node: &mut N, dt_us: u32) -> bool {
+    let sensors = io.scanner.collect(&io.calibration);
+    let mut spoke = false;
+    let drive = node.control(dt_us, sensors, &mut |message| {
+        say(&mut io.to_bus, message);
+        spoke = true;
+    });
+    io.outputs.set(&drive, &io.calibration);
     io.scanner.begin();
-    let mut spoke = !out.messages.is_empty();
-    for message in &out.messages {
-        io.say(*message);
-    }
-    if let Some(message) = io.from_bus.receive()
-        && let Some(answer) = node.on_message(&message)
-    {
-        io.say(answer);
+    if let Some(Some(answer)) = io.from_bus.receive_with(|message| node.on_message(message)) {
+        say(&mut io.to_bus, answer);
         spoke = true;
     }
     spoke

@@ -9,7 +9,8 @@ use super::clocks::{self, CPU_HZ, Channel, Generator};
 use super::pins::Function;
 use super::regs::tcc::*;
 use super::wiring::{BRAKE, DIRECTION, PWM};
-use crate::calibration::{Command, PWM_PERIOD};
+use crate::calibration::{Calibration, Command, PWM_PERIOD};
+use crate::lpg::Drive;
 
 /// Pulses per second: above hearing.
 pub const PWM_HZ: u32 = CPU_HZ / PWM_PERIOD as u32;
@@ -23,7 +24,7 @@ fn tcc() -> MmioTcc<'static> {
 
 /// The actuators of a node.
 pub struct Outputs {
-    now: [Command; 2],
+    now: [Drive; 2],
 }
 
 impl Outputs {
@@ -54,31 +55,36 @@ impl Outputs {
         for wire in PWM.into_iter().chain(BRAKE) {
             wire.pin.switch(wire.function);
         }
-        Outputs { now: [Command::Brake; 2] }
+        Outputs { now: [Drive::Brake; 2] }
     }
 
-    /// Commands \[left, right\]; in effect at the end of the period.
-    pub fn set(&mut self, commands: [Command; 2]) {
-        let mut tcc = tcc();
-        for (side, command) in commands.into_iter().enumerate() {
-            if self.now.get(side) == Some(&command) {
-                continue;
+    /// Drives \[left, right\]; in effect at the end of the period.
+    #[inline(never)]
+    pub fn set(&mut self, drive: &[Drive; 2], calibration: &Calibration) {
+        for (side, (now, new)) in self.now.iter_mut().zip(drive).enumerate() {
+            if now != new {
+                *now = *new;
+                put(side, calibration.command(*new));
             }
-            let (duty, coil) = match command {
-                Command::Brake => (0, 0),
-                Command::Run { forward, duty } => {
-                    if let Some(wire) = DIRECTION.get(side) {
-                        wire.pin.set(forward);
-                    }
-                    (u32::from(duty), ALWAYS)
-                }
-            };
-            // Both indices exist: two sides, four channels.
-            let _ = tcc.write_ccbuf(side, duty);
-            let _ = tcc.write_ccbuf(side + 2, coil);
         }
-        self.now = commands;
     }
+}
+
+#[inline(never)]
+fn put(side: usize, command: Command) {
+    let mut tcc = tcc();
+    let (duty, coil) = match command {
+        Command::Brake => (0, 0),
+        Command::Run { forward, duty } => {
+            if let Some(wire) = DIRECTION.get(side) {
+                wire.pin.set(forward);
+            }
+            (u32::from(duty), ALWAYS)
+        }
+    };
+    // Both indices exist: two sides, four channels.
+    let _ = tcc.write_ccbuf(side, duty);
+    let _ = tcc.write_ccbuf(side + 2, coil);
 }
 
 /// Takes the lines from the timer and drives them low: brakes engaged, motors off. For panics and faults, and before

@@ -77,14 +77,20 @@ impl<T: Copy, const N: usize> Receiver<'_, T, N> {
 
     /// The oldest item.
     pub fn receive(&mut self) -> Option<T> {
+        self.receive_with(|item| *item)
+    }
+
+    /// What `use_it` makes of the oldest item, which is looked at where it lies.
+    pub fn receive_with<R>(&mut self, use_it: impl FnOnce(&T) -> R) -> Option<R> {
         if self.is_empty() {
             return None;
         }
         let received = self.0.received.load(Ordering::Relaxed);
-        // SAFETY: the slot was written before `sent` passed it, and this is the only receiver.
-        let item = unsafe { self.0.slot(received).read().assume_init() };
+        // SAFETY: the slot was written before `sent` passed it, this is the only receiver, and the sender leaves the slot
+        // alone until `received` passes it below.
+        let made = use_it(unsafe { (*self.0.slot(received)).assume_init_ref() });
         self.0.received.store(received.wrapping_add(1), Ordering::Release);
-        Some(item)
+        Some(made)
     }
 }
 

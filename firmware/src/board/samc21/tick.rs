@@ -1,12 +1,14 @@
-//! The control tick: TC4 counts 48 MHz to the period and wakes the control task (data sheet: "TC").
+//! The control tick: TC4 counts 48 MHz to the period (data sheet: "TC") and wakes the control task, or runs the handler
+//! that [`Ticks::handle`] names: the difference is some hundred cycles of the executor's.
 //!
-//! Its interrupt preempts everything, the control task everything else; only a critical section delays them (the
+//! Its interrupt preempts everything, control everything else; only a critical section delays them (the
 //! longest copies one bus message, a few µs), and the next tick is on time again because the timer runs freely.
 
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::task::Poll;
 
+use cortex_m::peripheral::NVIC;
 use embassy_sync::waitqueue::AtomicWaker;
 
 use super::clocks::{self, CPU_HZ, Channel, Generator};
@@ -23,6 +25,11 @@ static RAISED: AtomicU32 = AtomicU32::new(0);
 /// Ticks nobody was ready for, wraps; written by the control task alone.
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 static WAKER: AtomicWaker = AtomicWaker::new();
+/// Ticks go to [`HANDLER`]; set once.
+static HANDLED: AtomicBool = AtomicBool::new(false);
+
+/// The line whose handler may serve ticks: of a peripheral this firmware does not use.
+pub const HANDLER: interrupt = interrupt::AC;
 
 fn tc() -> MmioTc16<'static> {
     // SAFETY: TC4 lies there and is used by this module alone: set up once, afterwards by its interrupt.
@@ -33,7 +40,10 @@ fn tc() -> MmioTc16<'static> {
 fn TC4() {
     tc().write_intflag(Interrupts::ZERO.with_mc0(true));
     RAISED.store(RAISED.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
-    WAKER.wake();
+    match HANDLED.load(Ordering::Relaxed) {
+        true => NVIC::pend(HANDLER),
+        false => WAKER.wake(),
+    }
 }
 
 /// Ticks since the start; wraps.
@@ -46,7 +56,7 @@ pub fn overruns() -> u32 {
     OVERRUNS.load(Ordering::Relaxed)
 }
 
-/// The control task's end of the tick.
+/// The control side's end of the tick.
 pub struct Ticks {
     served: u32,
     period_us: u32,
@@ -83,11 +93,27 @@ impl Ticks {
             }
         })
         .await;
+        self.serve(passed)
+    }
+
+    /// From now on each tick runs the handler of [`HANDLER`], which asks [`Ticks::passed`].
+    pub fn handle(&self) {
+        HANDLED.store(true, Ordering::Relaxed);
+        vectors::enable(HANDLER, priority::CONTROL);
+    }
+
+    /// Time since the last tick served, µs; 0 if there was none.
+    pub fn passed(&mut self) -> u32 {
+        self.serve(raised().wrapping_sub(self.served))
+    }
+
+    fn serve(&mut self, passed: u32) -> u32 {
         self.served = self.served.wrapping_add(passed);
         if passed > 1 {
             let overruns = OVERRUNS.load(Ordering::Relaxed).wrapping_add(passed - 1);
             OVERRUNS.store(overruns, Ordering::Relaxed);
         }
-        passed.saturating_mul(self.period_us)
+        // Nearly always one: the chip calls a function to see whether a product overflows.
+        if passed == 1 { self.period_us } else { passed.saturating_mul(self.period_us) }
     }
 }

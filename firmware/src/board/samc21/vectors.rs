@@ -50,7 +50,7 @@ unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
 pub mod priority {
     /// The control tick's timer: nothing delays it but a critical section.
     pub const TICK: u8 = 0x00;
-    /// The executor of the control task.
+    /// Control: the executor of its task, or the handler of its ticks.
     pub const CONTROL: u8 = 0x40;
     /// Time driver, CAN, DMA, UART, SPI: short handlers that wake slow tasks.
     pub const IO: u8 = 0x80;
