@@ -11,7 +11,8 @@ use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
 use crate::bake::bake;
-use crate::emulate::{self, EmulateError, Setup, Shown};
+use crate::emulate::serve::{Server, serve};
+use crate::emulate::{self, EmulateError, Setup, Shown, gdb};
 use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
 use crate::flash::{self, BOARDS_FILE, Boards, FlashError, Job, Node, Tool};
 use crate::metrics::Summary;
@@ -181,6 +182,15 @@ struct EmulateArgs {
     /// Print awake cycles per tick, and the functions they go to.
     #[arg(long)]
     cycles: bool,
+    /// Print what the chips log, in words (needs `defmt-print`).
+    #[arg(long, conflicts_with_all = ["compare", "cycles"])]
+    logs: bool,
+    /// Wait for GDB on this TCP port of this machine, and let it control --chip.
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["compare", "cycles"])]
+    gdb: Option<u16>,
+    /// The chip that GDB controls.
+    #[arg(long, value_enum, default_value = "knee")]
+    chip: Node,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -375,7 +385,12 @@ fn emulate_verb(args: &EmulateArgs) -> Result<(), CliError> {
         let shown = emulate::unattended(&setup, args.compare.is_some(), args.cycles)?;
         print!("{}", words(&shown));
     } else {
-        let health = emulate::serve(&setup, args.fast)?;
+        let server = Server::start(&setup, args.fast, args.logs)?;
+        let chip = NAMES.iter().position(|name| *name == args.chip.name()).unwrap_or_default();
+        let health = match args.gdb {
+            Some(port) => gdb::debug(server, chip, args.chip.name(), port)?,
+            None => serve(server)?,
+        };
         println!("the robot: {health:?}");
     }
     Ok(())

@@ -238,6 +238,17 @@ impl Emulated {
         self.awake.as_ref().map(|chips| [0, 1, 2, 3].map(|index| chips[index].summary()))
     }
 
+    /// What a chip's firmware did last that silicon would not forgive.
+    pub fn violation(&self, chip: usize) -> ImagesError {
+        let violation = self.machine.chips[chip].violations().last().map(ToString::to_string).unwrap_or_default();
+        ImagesError::Violation { image: NAMES[chip], violation }
+    }
+
+    /// The images.
+    pub fn images(&self) -> &Images {
+        &self.images
+    }
+
     /// The robot's state so far.
     pub fn health(&self) -> Health {
         self.outside.health
@@ -248,9 +259,7 @@ impl World for Emulated {
     fn run_until(&mut self, until_us: u64) -> Result<Health, SilError> {
         while let Some((chip, stop)) = self.run(Cycles::from_micros(until_us)) {
             if stop == Stop::Violation {
-                let violation = self.machine.chips[chip].violations().last().map(ToString::to_string);
-                let violation = violation.unwrap_or_default();
-                return Err(ImagesError::Violation { image: NAMES[chip], violation }.into());
+                return Err(self.violation(chip).into());
             }
             if let Some(awake) = &mut self.awake {
                 awake[chip].at_tick(self.machine.chips[chip].awake());

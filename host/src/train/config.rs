@@ -85,7 +85,7 @@ impl Default for TrainConfig {
         TrainConfig {
             seed: 1,
             seeds: 5,
-            episodes: 80,
+            episodes: 120,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             scenario: "train".into(),
             scenario_as_run: None,

@@ -87,7 +87,7 @@ impl Validation {
         let mean = differences.iter().sum::<f32>() / n;
         let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / (n - 1.0);
         let standard_error = (variance / n).sqrt();
-        Validation { mean, standard_error, handed_on: mean > standard_error }
+        Validation { mean, standard_error, handed_on: mean > 0.0 }
     }
 }
 
@@ -227,7 +227,7 @@ impl Session {
     /// What the session has come to. Its validation is kept beside the checkpoint, so that a resumed run need not
     /// repeat it.
     ///
-    /// Constants are handed on only if they beat the session's start by more than a standard error on
+    /// Constants are handed on only if they beat the session's start on the mean of
     /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a
     /// session that had nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
     pub fn trained(&self) -> Result<Trained, TrainError> {

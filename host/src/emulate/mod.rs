@@ -1,21 +1,23 @@
 //! `sarah emulate`: the flashed images on four emulated chips with the simulated robot, as a whole.
 //!
-//! Either a host of one's own talks to the robot through a pseudo-terminal ([`serve`]), or a host built in arms it with
-//! the set in its memory and the scenario's pushes come ([`unattended`]): to compare chips with the library, or to see
-//! where their cycles go.
+//! Either a host of one's own talks to the robot through a pseudo-terminal ([`serve`]), with GDB on one of the chips if
+//! asked for ([`gdb`]), or a host built in arms it with the set in its memory and the scenario's pushes come
+//! ([`unattended`]): to compare chips with the library, or to see where their cycles go.
 
-use std::io::{ErrorKind, Read, Write};
+pub mod gdb;
+mod logs;
+pub mod serve;
+
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarah_sim::awake::Summary;
-use sarah_sim::emulated::{Emulated, Images, ImagesError, NAMES};
+use sarah_sim::emulated::{Emulated, Images, ImagesError};
 use sarah_sim::mirror::{Compared, Difference};
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Episode;
 use sarah_sim::sil::{SilConfig, SilError};
 use sarah_sim::world::World;
-use serialport::{SerialPort, TTYPort};
 use thiserror::Error;
 
 use crate::link::sim::{LinkError, SLICE_US, SimRobot};
@@ -39,6 +41,22 @@ pub enum EmulateError {
     /// The pseudo-terminal failed.
     #[error("the pseudo-terminal failed: {0}; start again")]
     Io(#[from] std::io::Error),
+    /// No listener for GDB.
+    #[error("cannot listen for GDB on port {port}: {source}; choose another --gdb port")]
+    Listen {
+        /// Where.
+        port: u16,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// No words for the logs.
+    #[error(
+        "cannot decode logs with `defmt-print`: {0}; `cargo install defmt-print --version 1.2.0 --locked`, or leave --logs off"
+    )]
+    Decoder(std::io::Error),
+    /// The debugger's session.
+    #[error("the debugger's session failed: {0}; connect again")]
+    Gdb(String),
     /// Chips and library differ.
     #[error("chips and library differ: {0}")]
     Different(Difference),
@@ -130,61 +148,4 @@ pub fn unattended(setup: &Setup, compare: bool, cycles: bool) -> Result<Shown, E
 fn by_function(chip: &samc21::Chip) -> Vec<(String, u64)> {
     let all = chip.profile().map(|profile| profile.functions()).unwrap_or_default();
     all.into_iter().map(|(name, ticks)| (name.to_owned(), ticks)).collect()
-}
-
-/// Runs at the pace of the wall clock (or as fast as it can), the coordinator's UART on a pseudo-terminal, until the time
-/// is over or the robot falls.
-pub fn serve(setup: &Setup, fast: bool) -> Result<Health, EmulateError> {
-    let mut world = setup.start()?;
-    let (mut near, far) = TTYPort::pair()?;
-    near.set_timeout(Duration::ZERO)?;
-    println!("host link: {}", far.name().unwrap_or_default());
-    let began = Instant::now();
-    let mut pending = vec![];
-    let mut said_s = 0;
-    let mut health = Health::Upright;
-    while health == Health::Upright && world.now_us() < setup.end_us() {
-        let mut bytes = [0; 1024];
-        match near.read(&mut bytes) {
-            Ok(count) => world.host_write(&bytes[..count]),
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {}
-            Err(error) => return Err(error.into()),
-        }
-        health = world.run_until(world.now_us() + SLICE_US)?;
-        pending.extend(world.host_read());
-        match near.write(&pending) {
-            Ok(count) => drop(pending.drain(..count)),
-            // Nobody reads: a serial line would lose it.
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => pending.clear(),
-            Err(error) => return Err(error.into()),
-        }
-        let now = Duration::from_micros(world.now_us());
-        if !fast {
-            std::thread::sleep(now.saturating_sub(began.elapsed()));
-        }
-        if now.as_secs() > said_s {
-            said_s = now.as_secs();
-            println!("{}", line(&world, began.elapsed()));
-        }
-    }
-    Ok(health)
-}
-
-/// One line of live state.
-fn line(world: &Emulated, wall: Duration) -> String {
-    let trunk = world.body().robot().trunk();
-    let awake: Vec<String> = NAMES
-        .iter()
-        .zip(world.chips())
-        .map(|(name, chip)| format!("{name} {:.0} %", 100.0 * chip.awake() as f64 / chip.now().0.max(1) as f64))
-        .collect();
-    format!(
-        "{:7.1} s ({:.1} x real time)  trunk {:+.2} {:+.2} {:.2} m  awake: {}",
-        world.now_us() as f64 * 1e-6,
-        world.now_us() as f64 * 1e-6 / wall.as_secs_f64().max(1e-9),
-        trunk.position_m[0],
-        trunk.position_m[1],
-        trunk.position_m[2],
-        awake.join(", "),
-    )
 }
