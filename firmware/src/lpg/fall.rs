@@ -25,6 +25,7 @@ pub struct Fall {
 
 impl Fall {
     /// From a motion message.
+    #[inline(never)]
     pub fn of<D: Divider>(divider: &D, rules: &KneeRules, motion: &Motion) -> Fall {
         let ([rate_x, rate_y], [lean_x, lean_y]) = (motion.rate, motion.lean);
         // ξ along each axis: where the fall is heading, rad/s.

@@ -22,8 +22,9 @@ pub struct KneeNode<D> {
     params: KneeParams,
     divider: D,
     rules: KneeRules,
-    /// The newest motion message.
-    fall: Fall,
+    /// The newest motion message; `None` until the tick after it, so that hearing it and working it out share the time of
+    /// two ticks.
+    fall: Option<Fall>,
     /// Generation to put into force at the next boundary.
     activate: Option<u32>,
     since_beat_us: u32,
@@ -34,7 +35,7 @@ impl<D: Divider> KneeNode<D> {
     pub fn new(config: NodeConfig, rules: KneeRules, divider: D) -> Self {
         let link = NodeLink::new(NodeId::Knee, config);
         KneeNode {
-            fall: Fall::of(&divider, &rules, link.motion()),
+            fall: None,
             link,
             lpg: Knee::new(rules),
             params: KneeParams::from(&config.default),
@@ -72,7 +73,7 @@ impl<D: Divider> Node for KneeNode<D> {
             Message::Activate(generation) if self.link.staged() == Some(*generation) => {
                 self.activate = Some(*generation);
             }
-            Message::Motion(motion) => self.fall = Fall::of(&self.divider, &self.rules, motion),
+            Message::Motion(_) => self.fall = None,
             _ => {}
         }
         self.link.on_message(message)
@@ -96,12 +97,13 @@ impl<D: Divider> Node for KneeNode<D> {
             }
         }
 
+        let fall = *self.fall.get_or_insert_with(|| Fall::of(&self.divider, &self.rules, self.link.motion()));
         let [left_heel, left_toe, right_heel, right_toe] = sensors.load;
         let inputs = KneeInputs {
             dt_us,
             load: [left_heel + left_toe, right_heel + right_toe],
             position,
-            fall: &self.fall,
+            fall: &fall,
             may_start: !self.link.must_brake() && self.link.fresh(),
         };
         let mut decided = self.lpg.tick(&self.divider, &inputs, &self.params);
@@ -115,7 +117,7 @@ impl<D: Divider> Node for KneeNode<D> {
         if self.link.status_is_due() {
             let view = View {
                 phase: self.lpg.phase() as u8,
-                factor: self.fall.factor(),
+                factor: fall.factor(),
                 steps: self.lpg.steps(),
                 cycle: self.lpg.cycle(),
             };

@@ -168,29 +168,40 @@ impl NodeLink {
     pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) -> [Q16; 2] {
         self.motion_age_us = self.motion_age_us.saturating_add(dt_us);
         self.since_status_us = self.since_status_us.saturating_add(dt_us);
-        self.limits = 0;
-        for (good, new) in self.good.iter_mut().zip(sensors.position) {
-            if new.abs() <= self.config.plausible {
-                *good = new;
-            } else {
-                self.limits |= limits::SENSOR;
-            }
+        let mut limits = 0;
+        let ([left, right], most) = (sensors.position, self.config.plausible);
+        if left.abs() <= most {
+            self.good[0] = left;
+        } else {
+            limits |= limits::SENSOR;
+        }
+        if right.abs() <= most {
+            self.good[1] = right;
+        } else {
+            limits |= limits::SENSOR;
         }
         if self.mode == Mode::Braked {
-            self.limits |= limits::BRAKED;
+            limits |= limits::BRAKED;
         }
         if self.halted {
-            self.limits |= limits::HALTED;
+            limits |= limits::HALTED;
         }
         if !self.fresh() {
-            self.limits |= limits::COORDINATOR_LOST;
+            limits |= limits::COORDINATOR_LOST;
         }
+        self.limits = limits;
         self.good
     }
 
     /// Brakes what would pass the end of its range.
-    #[inline(never)]
     pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
+        if !matches!(drive, [Drive::Brake, Drive::Brake]) {
+            self.stop_moving(drive);
+        }
+    }
+
+    #[inline(never)]
+    fn stop_moving(&mut self, drive: &mut [Drive; 2]) {
         for (drive, position) in drive.iter_mut().zip(self.good) {
             let stop = self.config.end_stop;
             if let Drive::Velocity(speed) = *drive
@@ -244,5 +255,22 @@ pub struct View {
 }
 
 fn decinewtons(force: Q16) -> u16 {
-    ((force.0.max(0) as i64 * 10) >> 16).min(u16::MAX as i64) as u16
+    // Newtons and their fraction apart: 32 bits do.
+    let force = force.0.max(0) as u32;
+    ((force >> 16) * 10 + (((force & 0xffff) * 10) >> 16)).min(u16::MAX.into()) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    proptest::proptest! {
+        #[test]
+        fn decinewtons_are_tenths_rounded_down(force: i32, shift in 0..32) {
+            for force in [force, force >> shift] {
+                let exact = (i64::from(force.max(0)) * 10 / 65_536).min(65_535);
+                proptest::prop_assert_eq!(i64::from(decinewtons(Q16(force))), exact);
+            }
+        }
+    }
 }

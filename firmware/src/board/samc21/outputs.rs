@@ -61,11 +61,13 @@ impl Outputs {
     /// Drives \[left, right\]; in effect at the end of the period.
     #[inline(never)]
     pub fn set(&mut self, drive: &[Drive; 2], calibration: &Calibration) {
-        for (side, (now, new)) in self.now.iter_mut().zip(drive).enumerate() {
-            if now != new {
-                *now = *new;
-                put(side, calibration.command(*new));
-            }
+        if self.now[0] != drive[0] {
+            self.now[0] = drive[0];
+            put(0, calibration.command(drive[0]));
+        }
+        if self.now[1] != drive[1] {
+            self.now[1] = drive[1];
+            put(1, calibration.command(drive[1]));
         }
     }
 }
