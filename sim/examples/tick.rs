@@ -51,7 +51,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Cycles of each tick, and of each function in all of them.
-fn measure(image: &Image, follows: bool) -> Result<(Vec<u64>, BTreeMap<String, u64>), Box<dyn Error>> {
+type Cost = (Vec<u64>, BTreeMap<String, u64>);
+
+fn measure(image: &Image, follows: bool) -> Result<Cost, Box<dyn Error>> {
     let mut chip = Chip::new(image);
     let wires = chip.wires_mut();
     wires.supply = SUPPLY;
