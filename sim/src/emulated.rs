@@ -136,7 +136,7 @@ struct Outside {
 impl Emulated {
     /// Powers four chips up with the images in `folder`, at the start of `episode`.
     pub fn start(config: &SilConfig, folder: &Path, episode: &Episode) -> Result<Emulated, SilError> {
-        Ok(Emulated::new(config, &Images::load(folder)?, episode)?)
+        Emulated::new(config, &Images::load(folder)?, episode)
     }
 
     /// Powers four chips up with `images`.
@@ -282,7 +282,7 @@ impl World for Emulated {
         self.host_line = self.host_line.max(now);
         if let Serial::Uart(uart) = &mut self.machine.chips[COORDINATOR].wires_mut().serial[HOST_SERCOM] {
             for &byte in bytes {
-                self.host_line = self.host_line + BYTE;
+                self.host_line += BYTE;
                 uart.to_chip.push_back(UartByte { at: self.host_line, byte, framing_error: false });
             }
         }
