@@ -1,20 +1,21 @@
 //! The `sarah` command: arguments in, one clear line on error.
 
+mod emulate;
+mod flash;
+
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sarah_firmware::default_params;
-use sarah_sim::emulated::NAMES;
 use sarah_sim::scenario::{Overrides, Scenario, ScenarioError};
 use sarah_sim::sensors::SensorConfig;
 use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
 use crate::bake::bake;
-use crate::emulate::serve::{Server, serve};
-use crate::emulate::{self, EmulateError, Setup, Shown, gdb};
+use crate::emulate::EmulateError;
 use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
-use crate::flash::{self, BOARDS_FILE, Boards, FlashError, Job, Node, Tool};
+use crate::flash::FlashError;
 use crate::metrics::Summary;
 use crate::progress::Progress;
 use crate::report::{ControllerReport, Evaluation, headline};
@@ -56,14 +57,14 @@ enum Verb {
         sarah flash --all --boards boards.toml       all four, each by its probe\n  \
         sarah flash --node knee --run                and show its logs\n  \
         sarah flash --node knee --dry-run            only print the command")]
-    Flash(FlashArgs),
+    Flash(flash::FlashArgs),
     /// Run the flashed images on four emulated chips with the simulated robot; build them with `cargo firmware`.
     #[command(
         after_help = "Examples:\n  sarah emulate                                prints the path of the host link, in real time\n  \
         sarah emulate --compare sil --seconds 30 --seed 3\n  \
         sarah emulate --cycles --seconds 60 --scenario stand"
     )]
-    Emulate(EmulateArgs),
+    Emulate(emulate::EmulateArgs),
     /// Draw figures and write report.md again from a run's data, and print its tables.
     #[command(after_help = "Example:\n  sarah report runs/train-1")]
     Report {
@@ -152,47 +153,6 @@ struct EvaluateArgs {
     link: LinkArgs,
 }
 
-/// What chips are compared with.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum Reference {
-    /// The library, tick by tick beside the chips.
-    Sil,
-}
-
-#[derive(Args, Debug)]
-struct EmulateArgs {
-    /// Where the images lie.
-    #[arg(long, default_value = IMAGES)]
-    images: PathBuf,
-    /// paper, push-grid, stand, train, or the path of a TOML file.
-    #[arg(long, default_value = "train")]
-    scenario: String,
-    /// Seed of pushes and sensor noise.
-    #[arg(long, default_value_t = 7)]
-    seed: u64,
-    /// Emulated time; without it the scenario's, or with a host link until Ctrl-C.
-    #[arg(long, value_parser = seconds)]
-    seconds: Option<f64>,
-    /// As fast as it can instead of in real time.
-    #[arg(long)]
-    fast: bool,
-    /// Compare every tick of the nodes with the library, bit by bit, and say where they differ first.
-    #[arg(long, value_enum)]
-    compare: Option<Reference>,
-    /// Print awake cycles per tick, and the functions they go to.
-    #[arg(long)]
-    cycles: bool,
-    /// Print what the chips log, in words (needs `defmt-print`).
-    #[arg(long, conflicts_with_all = ["compare", "cycles"])]
-    logs: bool,
-    /// Wait for GDB on this TCP port of this machine, and let it control --chip.
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["compare", "cycles"])]
-    gdb: Option<u16>,
-    /// The chip that GDB controls.
-    #[arg(long, value_enum, default_value = "knee")]
-    chip: Node,
-}
-
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum LinkName {
     /// The firmware library in the simulator.
@@ -234,38 +194,6 @@ enum ParamsVerb {
     },
 }
 
-#[derive(Args, Debug)]
-#[command(group(clap::ArgGroup::new("what").required(true).args(["node", "all", "elf"])))]
-struct FlashArgs {
-    /// Which image.
-    #[arg(long, value_enum)]
-    node: Option<Node>,
-    /// All four images, each onto its board.
-    #[arg(long, conflicts_with_all = ["probe", "run"])]
-    all: bool,
-    /// This very file.
-    #[arg(long)]
-    elf: Option<PathBuf>,
-    /// Serial number of the board's probe; without it the board map's, or the only board plugged in.
-    #[arg(long)]
-    probe: Option<String>,
-    /// Board map: which probe is which node's.
-    #[arg(long, default_value = BOARDS_FILE)]
-    boards: PathBuf,
-    /// Where the images lie.
-    #[arg(long, default_value = IMAGES)]
-    images: PathBuf,
-    /// What flashes.
-    #[arg(long, value_enum, default_value = "openocd")]
-    tool: Tool,
-    /// Show the image's logs afterwards, until Ctrl-C.
-    #[arg(long)]
-    run: bool,
-    /// Only print the command.
-    #[arg(long)]
-    dry_run: bool,
-}
-
 /// Why a command failed; one line each.
 #[derive(Debug, Error)]
 pub enum CliError {
@@ -301,8 +229,8 @@ pub fn main() -> Result<(), CliError> {
         Verb::Train(args) => train_verb(args),
         Verb::Evaluate(args) => evaluate_verb(&args),
         Verb::Params { verb: ParamsVerb::Bake { from, into } } => bake_verb(&from, &into),
-        Verb::Flash(args) => flash_verb(&args),
-        Verb::Emulate(args) => emulate_verb(&args),
+        Verb::Flash(args) => flash::run(&args),
+        Verb::Emulate(args) => emulate::run(&args),
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;
@@ -374,69 +302,6 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-fn emulate_verb(args: &EmulateArgs) -> Result<(), CliError> {
-    let scenario = Scenario::load(&args.scenario)?;
-    let episode = scenario.episode(args.seed, 0);
-    let alone = args.compare.is_some() || args.cycles;
-    let whole = if alone { f64::from(episode.duration_s) } else { f64::MAX };
-    let config = SilConfig::default();
-    let setup = Setup { images: args.images.clone(), config, episode, seconds: args.seconds.unwrap_or(whole) };
-    if alone {
-        let shown = emulate::unattended(&setup, args.compare.is_some(), args.cycles)?;
-        print!("{}", words(&shown));
-    } else {
-        let server = Server::start(&setup, args.fast, args.logs)?;
-        let chip = NAMES.iter().position(|name| *name == args.chip.name()).unwrap_or_default();
-        let health = match args.gdb {
-            Some(port) => gdb::debug(server, chip, args.chip.name(), port)?,
-            None => serve(server)?,
-        };
-        println!("the robot: {health:?}");
-    }
-    Ok(())
-}
-
-fn words(shown: &Shown) -> String {
-    use std::fmt::Write;
-    let mut text = String::new();
-    // Writing into a string cannot fail.
-    if let Some(compared) = &shown.compared {
-        let _ = writeln!(
-            text,
-            "identical: {} ticks, {} actuator commands and {} frames compared over {:.1} s",
-            compared.ticks, compared.commands, compared.frames, shown.seconds
-        );
-    }
-    if let Some(awake) = &shown.awake {
-        let _ =
-            writeln!(text, "| image | ticks | awake cycles per tick, mean | p99 | max |\n|---|---:|---:|---:|---:|");
-        for (name, chip) in NAMES.iter().zip(awake) {
-            let _ = writeln!(text, "| {name} | {} | {:.0} | {} | {} |", chip.ticks, chip.mean, chip.p99, chip.max);
-        }
-    }
-    for (name, functions) in NAMES.iter().zip(&shown.functions) {
-        let total: u64 = functions.iter().map(|(_, cycles)| cycles).sum();
-        let _ = writeln!(text, "\n{name}, awake cycles by function:");
-        for (function, cycles) in functions.iter().take(12) {
-            let _ = writeln!(text, "{:6.1} %  {function}", 100.0 * *cycles as f64 / total.max(1) as f64);
-        }
-    }
-    let pace = shown.seconds / shown.wall_s.max(1e-9);
-    let _ = writeln!(
-        text,
-        "{:.1} s emulated in {:.1} s, {pace:.1} x real time; the robot: {:?}",
-        shown.seconds, shown.wall_s, shown.health
-    );
-    text
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
-        _ => Err("give seconds, above 0 and at most 1000000".into()),
-    }
-}
-
 fn bake_verb(from: &Path, into: &Path) -> Result<(), CliError> {
     let baked = bake(from, into)?;
     for (symbol, before, after) in &baked.changed {
@@ -445,44 +310,6 @@ fn bake_verb(from: &Path, into: &Path) -> Result<(), CliError> {
     }
     let count = baked.changed.len();
     println!("{}: {count} changed, from {}; `cargo firmware` builds it in", into.display(), baked.from.display());
-    Ok(())
-}
-
-fn flash_verb(args: &FlashArgs) -> Result<(), CliError> {
-    let nodes = if args.all { Node::ALL.to_vec() } else { args.node.into_iter().collect() };
-    let map = if args.all || args.boards.exists() { Some(Boards::load(&args.boards)?) } else { None };
-    let mut jobs = vec![];
-    for node in &nodes {
-        let mapped = map.as_ref().map(|map| map.probe(*node, &args.boards).map(str::to_owned));
-        let probe = match args.probe.clone() {
-            Some(probe) => Some(probe),
-            None => mapped.transpose()?,
-        };
-        jobs.push((node.name().to_owned(), Job { elf: args.images.join(node.name()), probe }));
-    }
-    if let Some(elf) = &args.elf {
-        let name = elf.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // `cargo run` gives a path and no node: the image is named after its node.
-        let node = Node::ALL.into_iter().find(|node| node.name() == name);
-        let mapped = map.as_ref().zip(node).and_then(|(map, node)| map.probe(node, &args.boards).ok());
-        let probe = args.probe.clone().or(mapped.map(str::to_owned));
-        jobs.push((name, Job { elf: elf.clone(), probe }));
-    }
-    // All are looked at before the first is written.
-    let attached = flash::attached();
-    let jobs: Vec<_> =
-        jobs.into_iter().map(|(name, job)| Ok((name, job.checked(&attached)?))).collect::<Result<_, FlashError>>()?;
-    for (name, job) in jobs {
-        if args.dry_run {
-            let command = if args.run { args.tool.run(&job, 9090) } else { args.tool.flash(&job) };
-            println!("{}", flash::typed(&command));
-        } else if args.run {
-            job.run(args.tool)?;
-        } else {
-            job.flash(args.tool)?;
-            println!("{name}: written and verified");
-        }
-    }
     Ok(())
 }
 
