@@ -75,7 +75,8 @@ impl<Spi: SpiDevice> Imu<Spi> {
     /// Resets and sets the sensor up; takes 2.3 ms. Samples are good 2 ms later (data sheet, gyroscope start-up 45 ms:
     /// until then they read as invalid, which counts as stuck).
     pub fn start(&mut self, delay: &mut impl DelayNs) -> Result<(), ImuError> {
-        self.same = 0;
+        // Nothing new has been heard from it yet.
+        self.same = STUCK;
         self.device.init(delay)?;
         self.device.set_accel_config(ACCEL)?;
         self.device.set_gyro_config(GYRO)?;
@@ -191,5 +192,7 @@ mod tests {
         let mut imu = Imu::new(sensor);
         let good = (0..100).take_while(|_| imu.read().is_ok()).count();
         assert_eq!(good, usize::from(STUCK));
+        imu.start(&mut NoDelay).expect("answers");
+        assert_eq!(imu.read(), Err(ImuError::Stuck), "setting it up anew does not make it live");
     }
 }

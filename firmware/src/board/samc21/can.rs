@@ -174,6 +174,12 @@ impl Can {
         }
     }
 
+    /// Takes back whatever has not been sent yet.
+    pub fn take_back(&mut self) {
+        // Done when the attempt under way has ended; there is no other attempt.
+        let _ = self.controller.tx.cancel_multi((0..4_usize).collect());
+    }
+
     /// Whether a frame can be queued.
     pub fn has_room(&self) -> bool {
         !self.controller.aux.tx_buffer_full()

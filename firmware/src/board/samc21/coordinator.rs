@@ -246,10 +246,14 @@ async fn turns(mut io: Control, coordinator: &'static mut Coordinator) -> ! {
 
 /// The longest the bus task sleeps: an empty bus is no reason to look dead.
 const BUS_IDLE: Duration = Duration::from_millis(10);
+/// What the bus does not take for this long is dropped: when a dead bus lives again, an old word, above all one that says
+/// armed, must not be heard as a new one. What matters is repeated.
+const STALE: Duration = Duration::from_millis(10);
 
 #[embassy_executor::task]
 async fn bus(mut can: Can) -> ! {
     let mut unsent: Option<Frame> = None;
+    let mut full_since: Option<Instant> = None;
     loop {
         let work = core::future::poll_fn(|context| match unsent {
             // Room in the controller comes with an event.
@@ -267,6 +271,12 @@ async fn bus(mut can: Can) -> ! {
                 unsent = Some(frame);
                 break;
             }
+        }
+        full_since = unsent.as_ref().map(|_| full_since.unwrap_or_else(Instant::now));
+        if full_since.is_some_and(|since| since.elapsed() >= STALE) {
+            can.take_back();
+            (unsent, full_since) = (None, None);
+            while TO_BUS.try_receive().is_ok() {}
         }
         can.recover();
         BUS_PULSE.beat();
