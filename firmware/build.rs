@@ -9,17 +9,23 @@ use sarah_protocol::params::{ParamSet, SPECS};
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     default_params(&out)?;
-    if std::env::var_os("CARGO_FEATURE_SAMC21").is_some() && std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
-        samc21_layout(&out)?;
+    if std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
+        let chosen = |feature: &str| std::env::var_os(feature).is_some();
+        if chosen("CARGO_FEATURE_SAMC21") {
+            layout(&out, &[("samc21/memory.x", "memory.x"), ("samc21/device.x", "device.x")])?;
+        } else if chosen("CARGO_FEATURE_SAME54") {
+            // The vector names come with the HAL.
+            layout(&out, &[("same54/memory.x", "memory.x")])?;
+        }
     }
     Ok(())
 }
 
 /// Memory map and vector names where cortex-m-rt's script looks for them. The arguments are given here and not in
 /// `.cargo/config.toml`, so that a `RUSTFLAGS` in the environment cannot make an image that does not start.
-fn samc21_layout(out: &Path) -> Result<(), Box<dyn Error>> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for (from, to) in [("../memory.x", "memory.x"), ("src/board/samc21/device.x", "device.x")] {
+fn layout(out: &Path, files: &[(&str, &str)]) -> Result<(), Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/board");
+    for (from, to) in files {
         let from = root.join(from);
         println!("cargo::rerun-if-changed={}", from.display());
         std::fs::copy(from, out.join(to))?;

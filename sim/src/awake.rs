@@ -5,7 +5,7 @@
 
 /// Function that begins a tick: of a node, of the coordinator.
 pub const ENTRIES: [&str; 4] = [
-    "sarah_firmware::board::samc21::coordinator::imu_tick",
+    "sarah_firmware::board::coordinator::imu_tick",
     "sarah_firmware::board::samc21::node::control_tick",
     "sarah_firmware::board::samc21::node::control_tick",
     "sarah_firmware::board::samc21::node::control_tick",

@@ -143,7 +143,7 @@ fn a_knee_whose_control_tick_hangs_is_reset_by_its_watchdog_and_comes_back_brake
 #[test]
 fn a_coordinator_whose_control_task_hangs_is_reset_by_its_watchdog_and_says_so() {
     let mut rig = Rig::mid_step(&[push(4.6, 12.0, 180.0)]);
-    let code = hang(&mut rig, COORDINATOR, "sarah_firmware::board::samc21::coordinator::control_tick");
+    let code = hang(&mut rig, COORDINATOR, "sarah_firmware::board::coordinator::control_tick");
     rig.run_ms(WATCHDOG_MS);
     heal(&mut rig, COORDINATOR, code);
     rig.wait(1100, "everything brakes", Rig::is_braked);

@@ -11,14 +11,8 @@
 //! off by more than a bit rate of 2 Mbit/s forgives. With OSC48M everything but the bus works, and the boot report says
 //! so. Jitter of the DPLL from a 32 kHz reference: UNVERIFIED on silicon.
 
-/// Where 48 MHz come from.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum ClockSource {
-    /// Crystal and DPLL.
-    Crystal,
-    /// OSC48M: the crystal did not start or the DPLL did not lock.
-    Internal,
-}
+#[cfg(target_os = "none")]
+use crate::board::boot::ClockSource;
 
 /// CPU and fast peripherals, Hz.
 pub const CPU_HZ: u32 = 48_000_000;

@@ -1,27 +1,10 @@
-//! The coordinator's image: what runs at which priority, and what passes between.
+//! The coordinator's image on this board: its peripherals, given to the tasks of [`crate::board::coordinator`].
 //!
-//! ```text
-//!  TC4, 1 kHz ──► control task (interrupt executor)             thread executor
-//!                 IMU ► on_imu ► motion leaves at once           bus          CAN ─► FROM_BUS, TO_BUS ─► CAN
-//!                 frames ► on_bus, host bytes ► on_host_bytes     storing      STORE ─► flash ─► STORED
-//!                 tick ► frames for bus and host                  housekeeping watchdog, log, LED
-//! ```
-//!
-//! The coordinator belongs to the control task alone, so nothing is locked. The IMU comes first in every turn: what a
-//! host says, however much, is parsed when the motion is out, and at most [`HOST_BYTES`] of it in a turn.
-//!
-//! The library runs as in the simulator, in the same order; only the shell around it is ours.
+//! TC4 wakes the control task, which runs in the interrupt executor; the other three tasks run in thread mode.
 
 use cortex_m::peripheral::syst::SystClkSource;
 use embassy_executor::Executor;
-use embassy_futures::select::select3;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Ticker, Timer};
-use sarah_protocol::bus::Frame;
-use sarah_protocol::params::ParamSet;
-use static_cell::{ConstStaticCell, StaticCell};
+use static_cell::StaticCell;
 
 use super::boot::BootReport;
 use super::can::Can;
@@ -29,37 +12,15 @@ use super::nvm::Nvm;
 use super::spi::{Delay, Spi};
 use super::tick::{self, Ticks};
 use super::uart::Uart;
-use super::vitals::{Pulse, Vitals};
 use super::watchdog::Watchdog;
 use super::wiring::{COORDINATOR_ACCEPTS, LED};
 use super::{clocks, dma, executor, fault, log, time_driver};
-use crate::board::imu::Imu;
-use crate::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
-use crate::store::{Loaded, Slot, Step, Store};
+use crate::board::coordinator::{self as shared, Control, HostLink, House, PERIOD_US, Turns};
+use crate::coordinator::Coordinator;
+use crate::store::Store;
 
-/// Between two turns of the control task: the IMU's rate.
-const PERIOD_US: u32 = 1_000;
-/// Host bytes parsed in a turn: somewhat more than come in one at 1 Mbaud.
-const HOST_BYTES: usize = 128;
-/// Frames from the bus that may wait for a turn: three nodes say less than one each in that time.
-const FRAMES: usize = 8;
-/// Turns without a sample after which the IMU is set up anew, and again after as many.
-const IMU_PATIENCE: u32 = 100;
 /// Which board, for the hello.
 const BOARD: u8 = 1;
-
-static FROM_BUS: Channel<CriticalSectionRawMutex, Frame, FRAMES> = Channel::new();
-/// Short, so that a halt does not wait behind what was queued before it.
-static TO_BUS: Channel<CriticalSectionRawMutex, Frame, 2> = Channel::new();
-static STORE: Signal<CriticalSectionRawMutex, (ParamSet, u32)> = Signal::new();
-static STORED: Signal<CriticalSectionRawMutex, (u32, bool)> = Signal::new();
-static CONTROL_PULSE: Pulse = Pulse::new();
-static BUS_PULSE: Pulse = Pulse::new();
-static LINK_PULSE: Pulse = Pulse::new();
-/// Turns without a sample.
-static BLIND: Pulse = Pulse::new();
-/// Frames from the bus that found the queue full. Everything that matters is repeated.
-static DROPPED: Pulse = Pulse::new();
 
 /// What a failed start could not set up.
 const NOT_TWICE: &str = "each peripheral is set up once";
@@ -69,13 +30,13 @@ pub fn run(build: [u8; 16]) -> ! {
     // Step by step, each with a stack frame that is gone before the next: this one stays for ever.
     let report = wake_up();
     let nvm = Nvm::start();
-    let (store, stored) = recall(&nvm);
-    let can = begin(born(&report, build, stored));
+    let (store, stored) = shared::recall(&nvm);
+    let can = begin(shared::born(&report, BOARD, build, stored));
     static SLOW: StaticCell<Executor> = StaticCell::new();
     SLOW.init_with(Executor::new).run(|spawner| {
         spawner.spawn(bus(can).expect(NOT_TWICE));
         spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
-        spawner.spawn(housekeeping(Watchdog::start()).expect(NOT_TWICE));
+        spawner.spawn(housekeeping(Keeper(Watchdog::start())).expect(NOT_TWICE));
     })
 }
 
@@ -102,239 +63,61 @@ fn wake_up() -> BootReport {
 fn begin(coordinator: &'static mut Coordinator) -> Can {
     let can = Can::start(COORDINATOR_ACCEPTS).expect(NOT_TWICE);
     let uart = Uart::start().expect(NOT_TWICE);
-    let imu = Imu::new(Spi::start());
-    let control = Control { ticks: Ticks::start(PERIOD_US), imu, uart, blind: IMU_PATIENCE };
+    let spi = Spi::start();
+    let control = Control::new(Ticks::start(PERIOD_US), spi, uart, Delay);
     executor::start().spawn(turns(control, coordinator).expect(NOT_TWICE));
     can
 }
 
-/// The store, and the set to begin with.
-#[inline(never)]
-fn recall(nvm: &Nvm) -> (&'static mut Store, ParamSet) {
-    static STORE: StaticCell<Store> = StaticCell::new();
-    let (store, loaded) = Store::load(nvm, &crate::default_params());
-    tell(&loaded);
-    (STORE.init(store), loaded.set)
-}
-
-#[inline(never)]
-fn born(report: &BootReport, build: [u8; 16], stored: ParamSet) -> &'static mut Coordinator {
-    static COORDINATOR: StaticCell<Coordinator> = StaticCell::new();
-    let identity = Identity { boot_nonce: report.nonce, board: BOARD, build, reset_cause: report.cause };
-    let config = Config { imu_period_us: PERIOD_US, ..Config::new(identity, crate::default_params(), stored) };
-    COORDINATOR.init_with(|| Coordinator::new(config))
-}
-
-/// Says which set was loaded, and why the other slot was not.
-fn tell(loaded: &Loaded) {
-    let [a, b] = loaded.slots.map(|slot| slot.words());
-    match loaded.from {
-        Some((slot, kept)) => {
-            let name = if slot == Slot::A { "A" } else { "B" };
-            defmt::info!("parameters: slot {=str}, stored as generation {=u32}", name, kept.generation);
-        }
-        None => defmt::warn!("parameters: the built-in set"),
-    }
-    defmt::info!("slot A: {=str}; slot B: {=str}", a, b);
-}
-
-/// The control task's peripherals.
-struct Control {
-    ticks: Ticks,
-    imu: Imu<Spi>,
-    uart: Uart,
-    /// Turns since the last sample.
-    blind: u32,
-}
-
-impl Control {
-    fn sample(&mut self) -> Option<ImuSample> {
-        let sample = self.imu.read().ok();
-        match sample {
-            Some(_) => self.blind = 0,
-            None => {
-                BLIND.beat();
-                self.blind += 1;
-            }
-        }
-        if self.blind > IMU_PATIENCE {
-            // Takes two turns, in which nothing moves: the coordinator has long halted.
-            self.blind = 0;
-            let _ = self.imu.start(&mut Delay);
-        }
-        sample
+impl Turns for Ticks {
+    async fn next(&mut self) {
+        Ticks::next(self).await;
     }
 }
 
-/// What goes out.
-struct Outboxes {
-    bus: BusOutbox,
-    host: HostOutbox,
-}
-
-// The turn in three parts, each without anything of the board's, and each a function of its own, so that the images can
-// be searched for what is reachable from them.
-
-/// The part that comes first and waits for nothing.
-#[inline(never)]
-fn imu_tick(coordinator: &mut Coordinator, now_us: u32, sample: &ImuSample, out: &mut Outboxes) {
-    coordinator.on_imu(now_us, sample, &mut out.bus);
-}
-
-#[inline(never)]
-fn bus_tick(coordinator: &mut Coordinator, now_us: u32, frame: &Frame, out: &mut Outboxes) {
-    coordinator.on_bus(now_us, frame, &mut out.bus, &mut out.host);
-}
-
-/// Host, store and clock.
-#[inline(never)]
-fn control_tick(
-    coordinator: &mut Coordinator,
-    now_us: u32,
-    bytes: &[u8],
-    stored: Option<(u32, bool)>,
-    Outboxes { bus, host }: &mut Outboxes,
-) -> Option<Action> {
-    coordinator.on_host_bytes(now_us, bytes, bus, host);
-    if let Some((generation, ok)) = stored {
-        coordinator.on_stored(generation, ok, host);
+impl HostLink for Uart {
+    fn read(&mut self, into: &mut [u8]) -> usize {
+        Uart::read(self, into)
     }
-    coordinator.tick(now_us, bus, host)
+    fn is_free(&mut self) -> bool {
+        Uart::is_free(self)
+    }
+    fn send(&mut self, frame: &[u8]) {
+        Uart::send(self, frame);
+    }
 }
 
-fn flush(bus: &mut BusOutbox) {
-    while !TO_BUS.is_full() {
-        let Some(frame) = bus.pop() else { break };
-        // There is room: this task alone sends.
-        let _ = TO_BUS.try_send(frame);
+struct Keeper(Watchdog);
+
+impl House for Keeper {
+    fn feed(&mut self) {
+        self.0.feed();
+    }
+    fn light(&mut self, on: bool) {
+        LED.pin.set(!on);
+    }
+    fn turns(&self) -> (u32, u32) {
+        (tick::raised(), tick::overruns())
     }
 }
 
 #[embassy_executor::task]
-async fn turns(mut io: Control, coordinator: &'static mut Coordinator) -> ! {
-    static OUT: ConstStaticCell<Outboxes> =
-        ConstStaticCell::new(Outboxes { bus: BusOutbox::new(), host: HostOutbox::new() });
-    static BYTES: ConstStaticCell<[u8; HOST_BYTES]> = ConstStaticCell::new([0; HOST_BYTES]);
-    let (out, bytes) = (OUT.take(), BYTES.take());
-    loop {
-        io.ticks.next().await;
-        let now_us = Instant::now().as_micros() as u32;
-        if let Some(sample) = io.sample() {
-            imu_tick(coordinator, now_us, &sample, out);
-            flush(&mut out.bus);
-        }
-        for _ in 0..FRAMES {
-            let Ok(frame) = FROM_BUS.try_receive() else { break };
-            bus_tick(coordinator, now_us, &frame, out);
-        }
-        let count = io.uart.read(bytes);
-        let heard = bytes.get(..count).unwrap_or_default();
-        if let Some(Action::Store(set, generation)) = control_tick(coordinator, now_us, heard, STORED.try_take(), out) {
-            STORE.signal((set, generation));
-        }
-        flush(&mut out.bus);
-        // A frame is out within three turns; a link that stays busy is dead, and so is its pulse.
-        if io.uart.is_free() {
-            LINK_PULSE.beat();
-            if let Some(frame) = out.host.pop() {
-                io.uart.send(&frame);
-            }
-        }
-        CONTROL_PULSE.beat();
-    }
+fn turns(io: Control<Ticks, Spi, Uart, Delay>, coordinator: &'static mut Coordinator) -> impl Future<Output = ()> {
+    shared::turns(io, coordinator)
 }
 
-/// The longest the bus task sleeps: an empty bus is no reason to look dead.
-const BUS_IDLE: Duration = Duration::from_millis(10);
-/// What the bus does not take for this long is dropped: when a dead bus lives again, an old word, above all one that says
-/// armed, must not be heard as a new one. What matters is repeated.
-const STALE: Duration = Duration::from_millis(10);
-
 #[embassy_executor::task]
-async fn bus(mut can: Can) -> ! {
-    let mut unsent: Option<Frame> = None;
-    let mut full_since: Option<Instant> = None;
-    loop {
-        let work = core::future::poll_fn(|context| match unsent {
-            // Room in the controller comes with an event.
-            Some(_) => core::task::Poll::Pending,
-            None => TO_BUS.poll_ready_to_receive(context),
-        });
-        select3(can.event(), work, Timer::after(BUS_IDLE)).await;
-        while let Some(frame) = can.receive() {
-            if FROM_BUS.try_send(frame).is_err() {
-                DROPPED.beat();
-            }
-        }
-        while let Some(frame) = unsent.take().or_else(|| TO_BUS.try_receive().ok()) {
-            if let Err(frame) = can.send(frame) {
-                unsent = Some(frame);
-                break;
-            }
-        }
-        full_since = unsent.as_ref().map(|_| full_since.unwrap_or_else(Instant::now));
-        if full_since.is_some_and(|since| since.elapsed() >= STALE) {
-            can.take_back();
-            (unsent, full_since) = (None, None);
-            while TO_BUS.try_receive().is_ok() {}
-        }
-        can.recover();
-        BUS_PULSE.beat();
-    }
+fn bus(can: Can) -> impl Future<Output = ()> {
+    shared::bus(can)
 }
 
-/// Between two steps of a write; the longest operation takes six.
-const STEP: Duration = Duration::from_millis(1);
-
 #[embassy_executor::task]
-async fn storing(store: &'static mut Store, mut nvm: Nvm, build: [u8; 16]) -> ! {
-    loop {
-        let (set, generation) = STORE.wait().await;
-        store.write(&set, generation, build);
-        loop {
-            match store.step(&mut nvm) {
-                Step::Busy => Timer::after(STEP).await,
-                Step::Stored { generation } => {
-                    STORED.signal((generation, true));
-                    break;
-                }
-                Step::Failed { generation, .. } => {
-                    defmt::error!("parameters: generation {=u32} could not be stored", generation);
-                    STORED.signal((generation, false));
-                    break;
-                }
-                Step::Idle => break,
-            }
-        }
-    }
+fn storing(store: &'static mut Store, nvm: Nvm, build: [u8; 16]) -> impl Future<Output = ()> {
+    shared::storing(store, nvm, build)
 }
 
-/// Between two looks at the vitals.
-const LOOK: Duration = Duration::from_millis(10);
-/// Looks between two lines of log.
-const LOOKS_PER_LINE: u32 = 100;
-
 #[embassy_executor::task]
-async fn housekeeping(mut watchdog: Watchdog) -> ! {
+fn housekeeping(house: Keeper) -> impl Future<Output = ()> {
     LED.pin.switch(LED.function);
-    let mut vitals = Vitals::new();
-    let mut ticker = Ticker::every(LOOK);
-    let mut looks = 0_u32;
-    loop {
-        ticker.next().await;
-        if vitals.all_alive([CONTROL_PULSE.count(), BUS_PULSE.count(), LINK_PULSE.count()]) {
-            watchdog.feed();
-        }
-        looks = looks.wrapping_add(1);
-        LED.pin.set((looks / 50).is_multiple_of(2));
-        if looks.is_multiple_of(LOOKS_PER_LINE) {
-            defmt::info!(
-                "{=u32} turns, {=u32} late, {=u32} without IMU; {=u32} frames dropped",
-                tick::raised(),
-                tick::overruns(),
-                BLIND.count(),
-                DROPPED.count(),
-            );
-        }
-    }
+    shared::housekeeping(house)
 }

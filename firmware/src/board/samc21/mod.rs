@@ -1,16 +1,16 @@
 //! ATSAMC21J18A on a SAM C21 Xplained Pro.
 //!
-//! - [`regs`]: the registers, checked against `facts.toml`. [`vectors`]: interrupt lines and who preempts whom.
-//! - [`clocks`]: 48 MHz. [`pins`]: pin functions. [`wiring`]: what is connected where, and which image is which node.
+//! - `regs`: the registers, checked against `facts.toml`. `vectors`: interrupt lines and who preempts whom.
+//! - `clocks`: 48 MHz. [`pins`]: pin functions. [`wiring`]: what is connected where, and which image is which node.
 //! - `time_driver`: the clock of slow tasks. `tick`, `executor`: the control tick and who runs at it.
-//! - `adc`, `outputs`, [`divider`], `dma`, `can`: what the control and bus tasks use.
-//! - [`boot`], `fault`: why it started, why it stopped. [`vitals`], `watchdog`: whether everything lives.
-//! - [`queue`]: between the control task and the bus task.
+//! - `adc`, `outputs`, `divider`, `dma`, `can`: what the control and bus tasks use.
+//! - `boot`, `fault`: why it started, why it stopped. `vitals`, `watchdog`: whether everything lives.
+//! - `queue`: between the control task and the bus task.
 //! - `uart`, `spi`, `nvm`: host link, IMU bus, stored parameters of the coordinator.
 //! - `node`: the three node images. `coordinator`: the fourth.
 //!
-//! What touches the chip is built for the chip only; everything linked above is tested on the host. [`pins`] and
-//! [`wiring`] are plain data, and there for whoever stands in for the robot.
+//! What touches the chip is built for the chip only; `regs`, `vectors`, `clocks`, `divider`, `boot`, `vitals` and `queue`
+//! are tested on the host. [`pins`] and [`wiring`] are plain data, and there for whoever stands in for the robot.
 //! **Built, never run on silicon yet**; what no source at hand confirms is marked UNVERIFIED.
 
 #[cfg(any(feature = "samc21", test))]
@@ -26,8 +26,6 @@ pub mod queue;
 pub mod regs;
 #[cfg(any(feature = "samc21", test))]
 pub mod vectors;
-#[cfg(any(feature = "samc21", test))]
-pub mod vitals;
 pub mod wiring;
 
 #[cfg(all(feature = "samc21", target_os = "none"))]
@@ -42,8 +40,6 @@ pub mod dma;
 pub mod executor;
 #[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod fault;
-#[cfg(all(feature = "samc21", target_os = "none"))]
-pub mod log;
 #[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod node;
 #[cfg(all(feature = "samc21", target_os = "none"))]
@@ -60,3 +56,8 @@ pub mod time_driver;
 pub mod uart;
 #[cfg(all(feature = "samc21", target_os = "none"))]
 pub mod watchdog;
+
+#[cfg(all(feature = "samc21", target_os = "none"))]
+pub use super::log;
+#[cfg(any(feature = "samc21", test))]
+pub use super::vitals;
