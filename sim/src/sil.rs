@@ -300,7 +300,7 @@ impl Sil {
         self.body.episode()
     }
 
-    /// Commands of the nodes, in [`Joint`] order.
+    /// Commands of the nodes, in [`crate::robot::Joint`] order.
     pub fn commands(&self) -> [Command; 6] {
         self.commands
     }

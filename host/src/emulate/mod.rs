@@ -90,7 +90,7 @@ impl Setup {
 pub struct Shown {
     /// Chips against library, if asked for.
     pub compared: Option<Compared>,
-    /// Awake cycles per tick, in the order of [`NAMES`], if asked for.
+    /// Awake cycles per tick, in the order of [`sarah_sim::emulated::NAMES`], if asked for.
     pub awake: Option<[Summary; 4]>,
     /// Cycles by function, most first, chip by chip, if asked for.
     pub functions: Vec<Vec<(String, u64)>>,
