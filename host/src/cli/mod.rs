@@ -62,7 +62,8 @@ enum Verb {
     #[command(
         after_help = "Examples:\n  sarah emulate                                prints the path of the host link, in real time\n  \
         sarah emulate --compare sil --seconds 30 --seed 3\n  \
-        sarah emulate --cycles --seconds 60 --scenario stand"
+        sarah emulate --cycles --seconds 60 --scenario stand\n  \
+        sarah emulate --gdb 3333 --chip hip          waits for GDB"
     )]
     Emulate(emulate::EmulateArgs),
     /// Draw figures and write report.md again from a run's data, and print its tables.
