@@ -14,6 +14,7 @@ use crate::sil::{SilConfig, SilError};
 
 /// A robot in an episode.
 pub struct Body {
+    config: SilConfig,
     robot: Robot,
     actuators: Actuators,
     sensors: Sensors,
@@ -21,24 +22,44 @@ pub struct Body {
     episode: Episode,
     step_us: u64,
     next_us: u64,
+    /// When the episode began.
+    began_us: u64,
+    /// When the robot was put where it is.
+    placed_us: u64,
 }
 
 impl Body {
     /// The robot at the start of `episode`, everything braked.
     pub fn new(config: &SilConfig, episode: &Episode) -> Result<Body, SilError> {
         config.energy.validate()?;
-        let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
-        let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
-        sensors.observe(&robot);
+        let (robot, sensors) = place(config, episode)?;
         Ok(Body {
             actuators: Actuators::new(&config.actuators)?,
             meter: EnergyMeter::new(&config.energy),
             episode: episode.clone(),
             step_us: u64::from((robot.dt_s() * 1e6).round() as u32),
             next_us: 0,
+            began_us: 0,
+            placed_us: 0,
             robot,
             sensors,
+            config: config.clone(),
         })
+    }
+
+    /// Another episode begins with the next step; the robot goes on as it is.
+    pub fn begin(&mut self, episode: &Episode) {
+        self.episode = episode.clone();
+        self.began_us = self.next_us;
+    }
+
+    /// Another episode begins with the next step: somebody has put the robot back on its feet, legs straight, as at the
+    /// start. Its controllers know nothing of it but what their sensors say.
+    pub fn stand_up(&mut self, episode: &Episode) -> Result<(), SilError> {
+        (self.robot, self.sensors) = place(&self.config, episode)?;
+        self.placed_us = self.next_us;
+        self.begin(episode);
+        Ok(())
     }
 
     /// When the next step begins, µs since power-up.
@@ -49,11 +70,11 @@ impl Body {
     /// The step that begins at [`Body::next_us`], with the actuators commanded like this; what it leads to is observed
     /// when it ends, at the next one.
     pub fn step(&mut self, command: impl Fn(NodeId) -> [Command; 2]) -> Health {
-        if self.next_us > 0 {
+        if self.next_us > self.placed_us {
             self.sensors.observe(&self.robot);
             self.meter.observe(&self.robot);
         }
-        let now_s = seconds(self.next_us);
+        let now_s = seconds(self.next_us - self.began_us);
         let acting = self.episode.pushes.iter().map(|push| (push.force_n(now_s), push.height_m));
         match acting.into_iter().find(|(force, _)| *force != [0.0; 3]) {
             Some((force, height_m)) => self.robot.push(force, height_m),
@@ -73,14 +94,15 @@ impl Body {
 
     /// What a node's converter reads at `now_us`.
     pub fn counts(&self, id: NodeId, now_us: u64) -> Counts {
-        let joints = self.sensors.joints(seconds(now_us));
-        let load = if id == NodeId::Knee { self.sensors.pads_n(seconds(now_us)) } else { [0.0; 4] };
+        let now_s = seconds(now_us.saturating_sub(self.placed_us));
+        let joints = self.sensors.joints(now_s);
+        let load = if id == NodeId::Knee { self.sensors.pads_n(now_s) } else { [0.0; 4] };
         calibration_of(id).counts(joints_of(id).map(|joint| joints[joint as usize]), load)
     }
 
     /// What the IMU's registers hold at `now_us`.
     pub fn imu(&self, now_us: u64) -> ImuCounts {
-        self.sensors.imu(seconds(now_us))
+        self.sensors.imu(seconds(now_us.saturating_sub(self.placed_us)))
     }
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.
@@ -97,6 +119,14 @@ impl Body {
     pub fn episode(&self) -> &Episode {
         &self.episode
     }
+}
+
+/// A robot at the start of an episode, and its sensors, which have seen it once.
+fn place(config: &SilConfig, episode: &Episode) -> Result<(Robot, Sensors), SilError> {
+    let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
+    let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
+    sensors.observe(&robot);
+    Ok((robot, sensors))
 }
 
 fn seconds(now_us: u64) -> f64 {

@@ -129,8 +129,16 @@ struct Outside {
     can: CanBus,
     imu: Imu,
     health: Health,
+    /// Whether time goes on after a fall.
+    runs_on: bool,
     next_look_us: u64,
     mirror: Option<Mirror>,
+}
+
+impl Outside {
+    fn ended(&self) -> bool {
+        self.health != Health::Upright && !self.runs_on
+    }
 }
 
 impl Emulated {
@@ -160,7 +168,8 @@ impl Emulated {
         }
         let can = CanBus::of_chips(chips.len());
         let body = Body::new(config, episode)?;
-        let outside = Outside { body, can, imu, health: Health::Upright, next_look_us: 0, mirror: None };
+        let outside =
+            Outside { body, can, imu, health: Health::Upright, runs_on: false, next_look_us: 0, mirror: None };
         let mut emulated = Emulated {
             machine: Machine::new(chips),
             outside,
@@ -194,7 +203,7 @@ impl Emulated {
 
     /// Runs until `until`, the robot's end, or a chip stops; which chip, and why.
     pub fn run(&mut self, until: Cycles) -> Option<(usize, Stop)> {
-        while self.machine.now() < until && self.outside.health == Health::Upright {
+        while self.machine.now() < until && !self.outside.ended() {
             // One slice, so that a fall ends the run at once.
             let end = Cycles((self.machine.now().0 / SLICE + 1) * SLICE);
             if let Some(stop) = self.machine.run_until(end, &mut self.outside) {
@@ -298,6 +307,14 @@ impl World for Emulated {
     fn body(&self) -> &Body {
         &self.outside.body
     }
+
+    fn body_mut(&mut self) -> &mut Body {
+        &mut self.outside.body
+    }
+
+    fn run_on(&mut self) {
+        self.outside.runs_on = true;
+    }
 }
 
 impl Exchange for Outside {
@@ -311,7 +328,7 @@ impl Exchange for Outside {
             }
         }
         let now_us = micros(now);
-        if now_us >= self.body.next_us() && self.health == Health::Upright {
+        if now_us >= self.body.next_us() && !self.ended() {
             self.health = self.body.step(|id| commands(chips, id));
             self.next_look_us = now_us;
         }

@@ -7,6 +7,7 @@ pub mod bus;
 pub mod emulated;
 pub mod energy;
 pub mod imu;
+pub mod line;
 pub mod mirror;
 pub mod robot;
 pub mod scenario;

@@ -118,6 +118,8 @@ pub struct Sil {
     stored: Option<(u32, ParamSet)>,
     commands: [Command; 6],
     now_us: u64,
+    /// Whether time goes on after a fall.
+    runs_on: bool,
 }
 
 impl Sil {
@@ -160,6 +162,7 @@ impl Sil {
             stored: None,
             commands: [Command::Brake; 6],
             now_us: 0,
+            runs_on: false,
         })
     }
 
@@ -169,7 +172,7 @@ impl Sil {
             self.now_us = at_us;
             if at_us == self.body.next_us() {
                 let health = self.step_physics();
-                if health != Health::Upright {
+                if health != Health::Upright && !self.runs_on {
                     return health;
                 }
             }
@@ -177,7 +180,12 @@ impl Sil {
             self.tick_chips();
         }
         self.now_us = until_us;
-        Health::Upright
+        if self.runs_on { self.body.robot().health() } else { Health::Upright }
+    }
+
+    /// From here on a fall ends nothing.
+    pub fn run_on(&mut self) {
+        self.runs_on = true;
     }
 
     fn next_event_us(&self) -> Option<u64> {
@@ -283,6 +291,11 @@ impl Sil {
     /// The robot with its sensors and actuators.
     pub fn body(&self) -> &Body {
         &self.body
+    }
+
+    /// The robot with its sensors and actuators, to begin another episode.
+    pub fn body_mut(&mut self) -> &mut Body {
+        &mut self.body
     }
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.

@@ -20,6 +20,10 @@ pub trait World: Send {
     fn host_read(&mut self) -> Vec<u8>;
     /// The truth, for rewards, figures and verdicts; no controller sees it.
     fn body(&self) -> &Body;
+    /// The truth, to begin another episode.
+    fn body_mut(&mut self) -> &mut Body;
+    /// From here on a fall ends nothing: time goes on, the robot lies until [`Body::stand_up`].
+    fn run_on(&mut self);
 }
 
 /// The world that `config` asks for, at the start of `episode`, with `default` built into the firmware and in the
@@ -51,6 +55,14 @@ impl<W: World + ?Sized> World for Box<W> {
     fn body(&self) -> &Body {
         (**self).body()
     }
+
+    fn body_mut(&mut self) -> &mut Body {
+        (**self).body_mut()
+    }
+
+    fn run_on(&mut self) {
+        (**self).run_on();
+    }
 }
 
 impl World for Sil {
@@ -72,5 +84,13 @@ impl World for Sil {
 
     fn body(&self) -> &Body {
         Sil::body(self)
+    }
+
+    fn body_mut(&mut self) -> &mut Body {
+        Sil::body_mut(self)
+    }
+
+    fn run_on(&mut self) {
+        Sil::run_on(self);
     }
 }

@@ -175,7 +175,7 @@ impl HostSession {
         self.learn_number(applied);
     }
 
-    fn learn_number(&mut self, generation: u32) {
+    pub(super) fn learn_number(&mut self, generation: u32) {
         if newer(generation, self.newest) {
             self.newest = generation;
         }

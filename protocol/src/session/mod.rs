@@ -131,6 +131,11 @@ impl HostSession {
         &self.stats
     }
 
+    /// The next change is numbered after this one, if that is newer than what the robot is known to have.
+    pub fn number_after(&mut self, generation: u32) {
+        self.learn_number(generation);
+    }
+
     /// Stages and commits a set. Its generation; the outcome comes as news.
     pub fn apply(&mut self, params: &ParamSet) -> Result<u32, NotNow> {
         if let Some(change) = self.change {
@@ -146,10 +151,18 @@ impl HostSession {
         self.request(Command::Persist { generation: self.applied })
     }
 
-    /// Allows motion, on the boot this session knows.
+    /// Allows motion, on the boot this session knows; only while the conversation is open, because nobody expects motion
+    /// from a word spoken into a pulled cable.
     pub fn arm(&mut self) -> Result<(), NotNow> {
-        let boot_nonce = self.robot.ok_or(NotNow::NotConnected)?.boot_nonce;
-        self.request(Command::Arm { boot_nonce })
+        let robot = self.robot.filter(|_| self.state == State::Open).ok_or(NotNow::NotConnected)?;
+        self.request(Command::Arm { boot_nonce: robot.boot_nonce })
+    }
+
+    /// The line was cut: the conversation begins again with a greeting, without waiting for the silence.
+    pub fn cut(&mut self) {
+        if !matches!(self.state, State::Failed(_)) {
+            self.greet();
+        }
     }
 
     /// Brakes now.
