@@ -68,12 +68,26 @@ impl Chip {
 
     /// Runs until `until`. The last instruction may end a few cycles later.
     pub fn run_until(&mut self, until: Cycles) -> Stop {
+        if self.sleeps_until(until) {
+            self.asleep += until.since(self.context.now);
+            self.context.now = self.context.now.max(until);
+            return Stop::Time;
+        }
         while self.context.now < until {
             if let Some(stop) = self.turn(until) {
                 return stop;
             }
         }
         Stop::Time
+    }
+
+    /// Whether the chip sleeps and nothing can wake it before `until`.
+    #[inline]
+    fn sleeps_until(&self, until: Cycles) -> bool {
+        let context = &self.context;
+        self.cpu.sleeps_until(until)
+            && self.peripherals.next_event() >= until
+            && !(context.attention || context.stop || context.wires.changed || context.reset_request.is_some())
     }
 
     /// Executes one instruction, or sleeps until the next event.
@@ -203,6 +217,18 @@ impl Chip {
         }
     }
 
+    /// Changes memory without side effects: SRAM and non-volatile memory only.
+    pub fn poke(&mut self, address: u32, data: &[u8]) {
+        match Sram::contains(address) {
+            true => {
+                for (address, byte) in (address..).zip(data) {
+                    self.context.sram.write(address, Width::Byte, u32::from(*byte));
+                }
+            }
+            false => self.context.nvm.load(address, data),
+        }
+    }
+
     /// Reads through the bus, side effects included, as a debugger does.
     pub fn bus_read(&mut self, address: u32, width: Width) -> u32 {
         let value = match self.peek(address, width) {
@@ -239,9 +265,11 @@ impl Chip {
         std::mem::replace(&mut self.profile, profile).map(|profile| *profile)
     }
 
-    /// Stops before the instruction at `pc` in the flash, or no longer; costs nothing elsewhere.
+    /// Stops before the instruction at `pc`, in flash or SRAM, or no longer; costs nothing elsewhere. What the chip reads
+    /// there is unchanged, and so is its timing; what it writes there is watched too.
     pub fn watch(&mut self, pc: u32, on: bool) {
-        self.context.nvm.watch(pc, on);
+        self.context.nvm.code.watch(pc, on);
+        self.context.sram.code.watch(pc, on);
     }
 
     /// Awake time by function so far, while profiling.

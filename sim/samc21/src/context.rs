@@ -110,7 +110,7 @@ impl Context {
     /// What a reset undoes here: lines, requests, clocks, flash timing, the chip's side of the wires.
     pub(crate) fn reset(&mut self, cause: Reset) {
         if cause.loses_sram() {
-            self.sram = Sram::default();
+            self.sram.lose();
         }
         self.nvm.set_timing(0, ReadMode::NoMissPenalty);
         self.nvm.hold_rwwee(Cycles(0));

@@ -48,6 +48,44 @@ enum Fault {
     Halt,
 }
 
+/// What changes with every instruction. While the loop runs it is here and nowhere else, so that the compiler can keep it
+/// in registers; [`Cpu`] and [`Context`] have it whenever anything but the loop looks.
+#[derive(Clone, Copy)]
+struct Flow {
+    /// The next instruction.
+    pc: u32,
+    now: Cycles,
+}
+
+impl Flow {
+    /// To where everybody else looks.
+    #[inline(always)]
+    fn publish(self, cpu: &mut Cpu, ctx: &mut Context) {
+        (cpu.pc, ctx.now) = (self.pc, self.now);
+    }
+
+    /// Back from there.
+    #[inline(always)]
+    fn resume(&mut self, cpu: &Cpu, ctx: &Context) {
+        (self.pc, self.now) = (cpu.pc, ctx.now);
+    }
+
+    /// Goes on at `target` if `taken`; the cost.
+    #[inline(always)]
+    fn branch(&mut self, taken: bool, target: u32) -> u64 {
+        if !taken {
+            return timing::SIMPLE;
+        }
+        self.pc = target;
+        timing::BRANCH
+    }
+
+    #[inline(always)]
+    fn spend(&mut self, cycles: u64, ctx: &Context) {
+        self.now += cycles * u64::from(ctx.clocks.cpu_ticks);
+    }
+}
+
 /// Attribution of time to instructions, chosen when the loop is compiled so that it costs nothing when unused.
 pub(crate) trait Observer {
     /// The instruction at `pc` took `ticks` of 48 MHz.
@@ -85,10 +123,8 @@ pub struct Cpu {
     /// R0 to R14; SP is the one in use. The last element is unused, PC is `pc`.
     r: [u32; 16],
     pc: u32,
-    /// N is bit 31.
-    n: u32,
-    /// Z is set when this is zero.
-    z: u32,
+    /// The last result, with its sign: N is bit 63, Z is set when the low word is zero.
+    nz: u64,
     /// 0 or 1.
     c: u32,
     /// V is bit 31.
@@ -122,8 +158,7 @@ impl Cpu {
         Cpu {
             r: [0; 16],
             pc: 0,
-            n: 0,
-            z: 1,
+            nz: 1,
             c: 0,
             v: 0,
             thumb: true,
@@ -177,6 +212,12 @@ impl Cpu {
         self.sleep != Sleep::Awake
     }
 
+    /// Whether the core sleeps and does not wake by itself before `until`.
+    #[inline]
+    pub(crate) fn sleeps_until(&self, until: Cycles) -> bool {
+        self.is_asleep() && self.deadline.0 != 0 && self.systick.next_event() >= until
+    }
+
     /// Whether a fault inside HardFault or NMI has stopped the core.
     pub fn is_locked_up(&self) -> bool {
         self.sleep == Sleep::LockedUp
@@ -215,39 +256,48 @@ impl Cpu {
         peripherals: &mut Peripherals,
         observer: &mut O,
     ) -> bool {
-        while ctx.now < self.deadline {
-            let pc = self.pc;
-            let before = ctx.now;
-            let fetched = match ctx.nvm.instruction(pc) {
-                Some(op) => {
-                    if !ctx.nvm.is_at_hand(pc) {
-                        ctx.now += ctx.nvm.fetch_line(pc) * u64::from(ctx.clocks.cpu_ticks);
-                    }
-                    Ok(op)
-                }
-                None => self.fetch_elsewhere(pc, ctx),
-            };
-            let result = match fetched {
-                Ok(op) => self.execute(op, pc, ctx, peripherals),
-                Err(fault) => Err(fault),
-            };
-            self.instructions += 1;
-            if let Err(fault) = result
-                && self.stopped_by(fault, pc, ctx, peripherals)
-            {
-                return true;
+        let mut flow = Flow { pc: self.pc, now: ctx.now };
+        let mut executed = 0;
+        let halted = loop {
+            let (pc, before) = (flow.pc, flow.now);
+            if before >= self.deadline {
+                break false;
             }
-            observer.executed(pc, ctx.now - before);
-        }
-        false
+            let op = match ctx.nvm.code.at(pc) {
+                Some(&op) => {
+                    flow.now += ctx.nvm.fetch(pc) * u64::from(ctx.clocks.cpu_ticks);
+                    op
+                }
+                None => *ctx.sram.code.at(pc).unwrap_or(&Op::Unknown),
+            };
+            if let Err(fault) = self.execute(op, pc, &mut flow, ctx, peripherals) {
+                flow.publish(self, ctx);
+                let halts = self.stopped_by(fault, pc, ctx, peripherals);
+                flow.resume(self, ctx);
+                if halts {
+                    break true;
+                }
+            }
+            executed += 1;
+            observer.executed(pc, flow.now - before);
+        };
+        flow.publish(self, ctx);
+        self.instructions += executed;
+        halted
     }
 
-    /// Fetches and decodes an instruction that is not in flash.
-    #[cold]
-    fn fetch_elsewhere(&self, pc: u32, ctx: &mut Context) -> Result<Op, Fault> {
+    /// What the instruction at `pc` is that was not decoded yet or is watched.
+    fn find(&mut self, pc: u32, ctx: &mut Context) -> Result<Op, Fault> {
+        let watched = ctx.nvm.code.is_watched(pc) || ctx.sram.code.is_watched(pc);
+        if watched && self.passing.take() != Some(pc) {
+            return Err(Fault::Halt);
+        }
         let first = self.fetch_half(pc, ctx)?;
         let second = if decode::is_wide(first) { self.fetch_half(pc.wrapping_add(2), ctx)? } else { 0 };
-        Ok(decode::decode(pc, first, second))
+        let op = decode::decode(pc, first, second);
+        ctx.nvm.code.keep(pc, op);
+        ctx.sram.code.keep(pc, op);
+        Ok(op)
     }
 
     /// Ends an instruction that faulted; `true` if execution halts instead.
@@ -257,7 +307,6 @@ impl Cpu {
             self.pc = pc;
         }
         if fault == Fault::Halt {
-            self.instructions -= 1;
             self.passing = Some(pc);
             return true;
         }
@@ -274,13 +323,12 @@ impl Cpu {
     }
 
     fn xpsr(&self) -> u32 {
-        let flags = self.n & 1 << 31 | u32::from(self.z == 0) << 30 | self.c << 29 | self.v >> 31 << 28;
+        let flags = u32::from(self.negative()) << 31 | u32::from(self.zero()) << 30 | self.c << 29 | self.v >> 31 << 28;
         flags | if self.thumb { XPSR_T } else { 0 } | u32::from(self.ipsr)
     }
 
     fn set_flags(&mut self, xpsr: u32) {
-        self.n = xpsr;
-        self.z = !xpsr & 1 << 30;
+        self.nz = u64::from(xpsr >> 31) << 63 | u64::from(!xpsr & 1 << 30);
         self.c = xpsr >> 29 & 1;
         self.v = xpsr << 3;
     }

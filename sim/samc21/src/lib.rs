@@ -17,6 +17,7 @@
 pub mod can_bus;
 pub mod chip;
 pub mod clocks;
+mod code;
 pub mod context;
 pub mod cpu;
 pub mod dma_trigger;

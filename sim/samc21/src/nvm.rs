@@ -6,10 +6,8 @@
 //! exactly the wait states; without the cache the line read last stays at hand; RWWEE and the auxiliary space are not
 //! cached but otherwise alike.
 
-use std::collections::BTreeSet;
-
 use crate::Width;
-use crate::cpu::decode::{Op, decode};
+use crate::code::Code;
 use crate::time::Cycles;
 
 /// Bytes of the main array, from address 0.
@@ -44,18 +42,18 @@ pub enum ReadMode {
     Uncached,
 }
 
-/// Contents of all non-volatile memory, decoded for execution. Erased bytes read 0xff.
-#[derive(Clone, PartialEq, Eq)]
+/// Contents of all non-volatile memory. Erased bytes read 0xff.
+#[derive(Clone)]
 pub struct Nvm {
-    /// The instruction that begins at each halfword of the flash.
-    code: Box<[Op]>,
-    /// Addresses at which execution halts, without the Thumb bit.
-    watched: BTreeSet<u32>,
+    /// What executes from the flash.
+    pub(crate) code: Code,
     lines: [u32; CACHE_LINES],
-    wait_states: u8,
+    /// Bits of a line's number that choose its place in `lines`: none without cache.
+    places: u32,
+    /// CPU cycles that a line costs which is not at hand.
+    miss: u64,
     /// Until then the RWWEE section is being worked on.
     rwwee_busy: Cycles,
-    mode: ReadMode,
     flash: Box<[u8]>,
     rwwee: Box<[u8]>,
     aux: Box<[u8]>,
@@ -65,12 +63,11 @@ impl Default for Nvm {
     fn default() -> Self {
         let erased = |size| vec![0xff; size].into_boxed_slice();
         Nvm {
-            code: vec![Op::Undefined; FLASH_SIZE / 2].into_boxed_slice(),
-            watched: BTreeSet::new(),
+            code: Code::new(0, FLASH_SIZE),
             lines: [NO_LINE; CACHE_LINES],
-            wait_states: 0,
+            places: CACHE_LINES as u32 - 1,
+            miss: 0,
             rwwee_busy: Cycles(0),
-            mode: ReadMode::NoMissPenalty,
             flash: erased(FLASH_SIZE),
             rwwee: erased(RWWEE_SIZE),
             aux: erased(AUX_SIZE),
@@ -116,7 +113,8 @@ impl Nvm {
 
     /// Sets the wait states and what the cache does, and empties it.
     pub fn set_timing(&mut self, wait_states: u8, mode: ReadMode) {
-        (self.wait_states, self.mode) = (wait_states, mode);
+        self.miss = u64::from(wait_states) + u64::from(mode == ReadMode::LowPower);
+        self.places = if mode == ReadMode::Uncached { 0 } else { CACHE_LINES as u32 - 1 };
         self.invalidate_cache();
     }
 
@@ -125,29 +123,42 @@ impl Nvm {
         self.lines = [NO_LINE; CACHE_LINES];
     }
 
-    /// The instruction at `pc`, `None` outside the flash.
+    /// Reads the line around `address` in the main array; what it costs beyond the access, in CPU cycles.
     #[inline(always)]
-    pub(crate) fn instruction(&self, pc: u32) -> Option<Op> {
-        self.code.get(pc as usize >> 1).copied()
+    pub(crate) fn fetch(&mut self, address: u32) -> u64 {
+        let line = address >> LINE_SHIFT;
+        let place = &mut self.lines[(line & self.places) as usize % CACHE_LINES];
+        if *place == line {
+            return 0;
+        }
+        *place = line;
+        self.miss
     }
 
-    /// Whether reading at `address` costs no wait state.
-    #[inline(always)]
-    pub(crate) fn is_at_hand(&self, address: u32) -> bool {
+    /// As [`Nvm::fetch`], of any section: the others displace what is cached.
+    pub(crate) fn fetch_any(&mut self, address: u32) -> u64 {
         let line = address >> LINE_SHIFT;
-        self.lines[line as usize % CACHE_LINES] == line
-    }
-
-    /// Reads the line around `address`; what it costs, in CPU cycles.
-    #[inline(never)]
-    pub(crate) fn fetch_line(&mut self, address: u32) -> u64 {
-        let line = address >> LINE_SHIFT;
-        let cached = self.mode != ReadMode::Uncached && (address as usize) < FLASH_SIZE;
-        if !cached {
+        if address as usize >= FLASH_SIZE && self.lines[(line & self.places) as usize % CACHE_LINES] != line {
             self.invalidate_cache();
         }
-        self.lines[line as usize % CACHE_LINES] = line;
-        u64::from(self.wait_states) + u64::from(self.mode == ReadMode::LowPower)
+        self.fetch(address)
+    }
+
+    /// Reads at an aligned `address` in the main array; `None` outside.
+    #[inline(always)]
+    pub(crate) fn read_flash(&self, address: u32, width: Width) -> Option<u32> {
+        let at = address as usize;
+        match width {
+            Width::Byte => self.flash.get(at).map(|byte| u32::from(*byte)),
+            Width::Half => {
+                let bytes = self.flash.get(at..at + 2)?;
+                Some(u32::from(u16::from_le_bytes([bytes[0], bytes[1]])))
+            }
+            Width::Word => {
+                let bytes = self.flash.get(at..at + 4)?;
+                Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+            }
+        }
     }
 
     /// Replaces bytes, as a debugger's flash loader would. Bytes outside non-volatile memory are ignored.
@@ -185,44 +196,9 @@ impl Nvm {
         &self.rwwee
     }
 
-    /// Decodes anew what has changed, from the halfword before: it may begin a 32-bit instruction.
     fn changed(&mut self, address: u32, length: usize) {
         self.invalidate_cache();
-        let first = (address as usize / 2).saturating_sub(1);
-        let last = (address as usize + length).div_ceil(2).min(FLASH_SIZE / 2);
-        let half = |at: usize| self.flash.get(at * 2..at * 2 + 2).map_or(0xffff, |b| u16::from_le_bytes([b[0], b[1]]));
-        for at in first..last {
-            let pc = at as u32 * 2;
-            self.code[at] = match self.watched.contains(&pc) {
-                true => Op::Watched,
-                false => decode(pc, half(at), half(at + 1)),
-            };
-        }
-    }
-
-    /// Halts execution before the instruction at `pc` in the flash, or no longer. What the chip reads there is unchanged,
-    /// and so is its timing.
-    pub fn watch(&mut self, pc: u32, on: bool) {
-        if pc as usize >= FLASH_SIZE {
-            return;
-        }
-        match on {
-            true => {
-                self.watched.insert(pc & !1);
-                self.code[pc as usize >> 1] = Op::Watched;
-            }
-            false => {
-                self.watched.remove(&(pc & !1));
-                let op = self.unwatched(pc);
-                self.code[pc as usize >> 1] = op;
-            }
-        }
-    }
-
-    /// The instruction at `pc` in the flash, watched or not.
-    pub(crate) fn unwatched(&self, pc: u32) -> Op {
-        let half = |pc: u32| self.read(pc & !1, Width::Half).map_or(0xffff, |half| half as u16);
-        decode(pc & !1, half(pc), half(pc.wrapping_add(2)))
+        self.code.forget(address, length);
     }
 
     fn section(&self, address: u32) -> Option<(&[u8], usize)> {
@@ -259,31 +235,26 @@ mod tests {
     }
 
     #[test]
-    fn changed_flash_is_decoded_anew_with_the_instruction_that_reaches_into_it() {
-        let mut nvm = Nvm::default();
-        nvm.load(0x100, &[0x00, 0xf0, 0x00, 0xf8]);
-        assert_eq!(nvm.instruction(0x100), Some(Op::BranchLink { target: 0x104 }));
-        nvm.load(0x102, &[0x01, 0xf8]);
-        assert_eq!(nvm.instruction(0x100), Some(Op::BranchLink { target: 0x106 }));
-    }
-
-    #[test]
     fn a_line_is_at_hand_after_its_miss_until_another_takes_its_place() {
         let mut nvm = Nvm::default();
         nvm.set_timing(2, ReadMode::NoMissPenalty);
-        assert!(!nvm.is_at_hand(0x104));
-        assert_eq!(nvm.fetch_line(0x104), 2);
-        assert!(nvm.is_at_hand(0x100) && nvm.is_at_hand(0x107) && !nvm.is_at_hand(0x108));
-        nvm.fetch_line(0x140);
-        assert!(!nvm.is_at_hand(0x100));
+        assert_eq!([0x104, 0x100, 0x107, 0x108].map(|address| nvm.fetch(address)), [2, 0, 0, 2]);
+        assert_eq!([0x140, 0x100, 0x108].map(|address| nvm.fetch(address)), [2, 2, 0]);
+    }
+
+    #[test]
+    fn a_read_of_another_section_displaces_every_line() {
+        let mut nvm = Nvm::default();
+        nvm.set_timing(2, ReadMode::NoMissPenalty);
+        nvm.fetch(0x100);
+        assert_eq!([RWWEE_BASE + 8, RWWEE_BASE + 8].map(|address| nvm.fetch_any(address)), [2, 0]);
+        assert_eq!(nvm.fetch(0x100), 2);
     }
 
     #[test]
     fn without_cache_only_the_last_line_is_at_hand() {
         let mut nvm = Nvm::default();
         nvm.set_timing(2, ReadMode::Uncached);
-        nvm.fetch_line(0x100);
-        nvm.fetch_line(0x108);
-        assert!(nvm.is_at_hand(0x108) && !nvm.is_at_hand(0x100));
+        assert_eq!([0x100, 0x108, 0x108, 0x100].map(|address| nvm.fetch(address)), [2, 2, 0, 2]);
     }
 }

@@ -1,6 +1,8 @@
-//! The 32 KiB of SRAM, shared by the CPU, the DMA controller and the CAN controllers.
+//! The 32 KiB of SRAM, shared by the CPU, the DMA controller and the CAN controllers. Code in it runs without wait
+//! states.
 
 use crate::Width;
+use crate::code::Code;
 
 /// First address.
 pub const BASE: u32 = 0x2000_0000;
@@ -8,12 +10,15 @@ pub const BASE: u32 = 0x2000_0000;
 pub const SIZE: usize = 32 * 1024;
 
 /// SRAM contents. Zero after power-on, though silicon promises nothing; kept over every other reset.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Sram(Box<[u8; SIZE]>);
+#[derive(Clone)]
+pub struct Sram {
+    bytes: Box<[u8; SIZE]>,
+    pub(crate) code: Code,
+}
 
 impl Default for Sram {
     fn default() -> Self {
-        Sram(Box::new([0; SIZE]))
+        Sram { bytes: Box::new([0; SIZE]), code: Code::new(BASE, SIZE) }
     }
 }
 
@@ -34,14 +39,14 @@ impl Sram {
     #[inline(always)]
     pub fn read(&self, address: u32, width: Width) -> u32 {
         match width {
-            Width::Byte => u32::from(self.0[address as usize & (SIZE - 1)]),
+            Width::Byte => u32::from(self.bytes[address as usize & (SIZE - 1)]),
             Width::Half => {
                 let at = address as usize & (SIZE - 2);
-                u32::from(u16::from_le_bytes([self.0[at], self.0[at + 1]]))
+                u32::from(u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]]))
             }
             Width::Word => {
                 let at = address as usize & (SIZE - 4);
-                u32::from_le_bytes([self.0[at], self.0[at + 1], self.0[at + 2], self.0[at + 3]])
+                u32::from_le_bytes([self.bytes[at], self.bytes[at + 1], self.bytes[at + 2], self.bytes[at + 3]])
             }
         }
     }
@@ -49,26 +54,30 @@ impl Sram {
     /// Writes at `address`, which the caller has checked for range and alignment. Higher address bits are ignored.
     #[inline(always)]
     pub fn write(&mut self, address: u32, width: Width, value: u32) {
+        if self.code.is_known(address) {
+            self.code.forget(address, width.bytes() as usize);
+        }
         match width {
-            Width::Byte => self.0[address as usize & (SIZE - 1)] = value as u8,
+            Width::Byte => self.bytes[address as usize & (SIZE - 1)] = value as u8,
             Width::Half => {
                 let at = address as usize & (SIZE - 2);
-                self.0[at..at + 2].copy_from_slice(&(value as u16).to_le_bytes());
+                self.bytes[at..at + 2].copy_from_slice(&(value as u16).to_le_bytes());
             }
             Width::Word => {
                 let at = address as usize & (SIZE - 4);
-                self.0[at..at + 4].copy_from_slice(&value.to_le_bytes());
+                self.bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
             }
         }
     }
 
-    /// All bytes, for bus masters that move blocks and for tests.
-    pub fn bytes(&self) -> &[u8; SIZE] {
-        &self.0
+    /// The contents are lost, as without power.
+    pub(crate) fn lose(&mut self) {
+        self.bytes.fill(0);
+        self.code.forget_all();
     }
 
-    /// All bytes, to change.
-    pub fn bytes_mut(&mut self) -> &mut [u8; SIZE] {
-        &mut self.0
+    /// All bytes.
+    pub fn bytes(&self) -> &[u8; SIZE] {
+        &self.bytes
     }
 }

@@ -113,14 +113,14 @@ fn hang(rig: &mut Rig, chip: usize, function: &str) -> (u32, u32) {
     let chip = &mut rig.robot.chips_mut()[chip];
     let symbol = chip.context().symbols.all().iter().find(|symbol| symbol.name.starts_with(function));
     let address = symbol.unwrap_or_else(|| panic!("no {function}")).address;
-    let before = chip.peek(address, Width::Half).expect("in the flash");
+    let before = chip.peek(address, Width::Half).expect("in memory");
     // `b .`
-    chip.nvm_mut().load(address, &[0xfe, 0xe7]);
+    chip.poke(address, &[0xfe, 0xe7]);
     (address, before)
 }
 
 fn heal(rig: &mut Rig, chip: usize, (address, before): (u32, u32)) {
-    rig.robot.chips_mut()[chip].nvm_mut().load(address, &(before as u16).to_le_bytes());
+    rig.robot.chips_mut()[chip].poke(address, &(before as u16).to_le_bytes());
 }
 
 #[test]

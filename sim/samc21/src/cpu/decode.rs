@@ -1,4 +1,4 @@
-//! Instructions, decoded once per flash location (ARMv6-M ARM, A5 "The Thumb instruction set encoding").
+//! Instructions, decoded once per place in memory (ARMv6-M ARM, A5 "The Thumb instruction set encoding").
 
 /// Which way a shift by a register goes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -12,6 +12,8 @@ pub(crate) enum Shift {
 /// A decoded instruction. Registers are numbers 0 to 15; immediates and branch targets are final values.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[rustfmt::skip]
+// Aligned so that one is read in one go.
+#[repr(align(8))]
 pub(crate) enum Op {
     Moves { d: u8, m: u8 },
     LslImm { d: u8, m: u8, shift: u8 },
@@ -89,7 +91,20 @@ pub(crate) enum Op {
     Wfe,
     Wfi,
     Sev,
-    BranchIf { condition: u8, target: u32 },
+    BranchEq { target: u32 },
+    BranchNe { target: u32 },
+    BranchCs { target: u32 },
+    BranchCc { target: u32 },
+    BranchMi { target: u32 },
+    BranchPl { target: u32 },
+    BranchVs { target: u32 },
+    BranchVc { target: u32 },
+    BranchHi { target: u32 },
+    BranchLs { target: u32 },
+    BranchGe { target: u32 },
+    BranchLt { target: u32 },
+    BranchGt { target: u32 },
+    BranchLe { target: u32 },
     Branch { target: u32 },
     /// `target` of BL; the return address follows from the instruction's own.
     BranchLink { target: u32 },
@@ -97,8 +112,8 @@ pub(crate) enum Op {
     Mrs { d: u8, special: u8 },
     /// DMB, DSB, ISB.
     Barrier,
-    /// An instruction that a debugger watches; what it really is stands in the flash.
-    Watched,
+    /// Not decoded yet, or watched by a debugger; what it is stands in memory.
+    Unknown,
     Undefined,
 }
 
@@ -152,11 +167,31 @@ pub(crate) fn decode(pc: u32, first: u16, second: u16) -> Op {
         26 | 27 => match (op >> 8 & 15) as u8 {
             14 => Op::Undefined,
             15 => Op::Svc,
-            condition => Op::BranchIf { condition, target: here.wrapping_add_signed(i32::from(imm8 as u8 as i8) * 2) },
+            condition => branch_if(condition, here.wrapping_add_signed(i32::from(imm8 as u8 as i8) * 2)),
         },
         28 => Op::Branch { target: here.wrapping_add_signed((op << 21) as i32 >> 20) },
         30 => wide(here, op, u32::from(second)),
         _ => Op::Undefined,
+    }
+}
+
+/// A branch under a condition (ARMv6-M ARM, A6.3): each its own instruction here, so that none is looked up.
+fn branch_if(condition: u8, target: u32) -> Op {
+    match condition {
+        0 => Op::BranchEq { target },
+        1 => Op::BranchNe { target },
+        2 => Op::BranchCs { target },
+        3 => Op::BranchCc { target },
+        4 => Op::BranchMi { target },
+        5 => Op::BranchPl { target },
+        6 => Op::BranchVs { target },
+        7 => Op::BranchVc { target },
+        8 => Op::BranchHi { target },
+        9 => Op::BranchLs { target },
+        10 => Op::BranchGe { target },
+        11 => Op::BranchLt { target },
+        12 => Op::BranchGt { target },
+        _ => Op::BranchLe { target },
     }
 }
 
@@ -281,7 +316,7 @@ mod tests {
     #[test]
     fn branch_targets_are_relative_to_the_instruction_after_next() {
         assert_eq!(decode(0x100, 0xe7fe, 0), Op::Branch { target: 0x100 });
-        assert_eq!(decode(0x100, 0xd0ff, 0), Op::BranchIf { condition: 0, target: 0x102 });
+        assert_eq!(decode(0x100, 0xd0ff, 0), Op::BranchEq { target: 0x102 });
         assert_eq!(decode(0x100, 0xf7ff, 0xfffe), Op::BranchLink { target: 0x100 });
         assert_eq!(decode(0x100, 0xf000, 0xf800), Op::BranchLink { target: 0x104 });
     }

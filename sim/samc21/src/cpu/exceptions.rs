@@ -7,7 +7,6 @@ use crate::context::Context;
 use crate::peripherals::Peripherals;
 use crate::time::Cycles;
 use crate::violation::Kind;
-use crate::width::Width;
 
 /// Returns to a handler, to a thread on the main stack, to a thread on the process stack.
 const RETURN_HANDLER: u32 = 0xffff_fff1;
@@ -109,7 +108,7 @@ impl Cpu {
         self.ipsr = exception;
         self.event = true;
         let at = self.vtor.wrapping_add(4 * u32::from(exception));
-        match self.load(at, Width::Word, ctx, peripherals) {
+        match self.load_word(at, ctx, peripherals) {
             Ok(vector) => {
                 self.pc = vector & !1;
                 self.thumb = vector & 1 != 0;
@@ -163,7 +162,7 @@ impl Cpu {
         let words = [r0, r1, r2, r3, self.r[12], self.r[14], self.pc, xpsr];
         let now = ctx.now;
         for (address, word) in (0..8).map(|i| frame.wrapping_add(4 * i)).zip(words) {
-            self.store(address, Width::Word, word, ctx, peripherals)?;
+            self.store_word(address, word, ctx, peripherals)?;
         }
         // The entry's figure includes the stores.
         ctx.now = now;
@@ -217,7 +216,7 @@ impl Cpu {
         let now = ctx.now;
         let mut words = [0; 8];
         for (address, word) in (0..8).map(|i| frame.wrapping_add(4 * i)).zip(&mut words) {
-            *word = self.load(address, Width::Word, ctx, peripherals)?;
+            *word = self.load_word(address, ctx, peripherals)?;
         }
         // The return's figure includes the loads.
         ctx.now = now;

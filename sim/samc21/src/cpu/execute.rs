@@ -1,7 +1,7 @@
 //! What each instruction does (ARMv6-M ARM, A6.7 "Alphabetical list of ARMv6-M Thumb instructions").
 
 use super::decode::{Op, Shift};
-use super::{Cpu, Fault, Sleep, timing};
+use super::{Cpu, Fault, Flow, Sleep, timing};
 use crate::context::Context;
 use crate::peripherals::Peripherals;
 use crate::time::Cycles;
@@ -11,8 +11,15 @@ use crate::width::Width::{Byte, Half, Word};
 impl Cpu {
     /// Executes one instruction at `pc`, and spends its time.
     #[inline(always)]
-    pub(super) fn execute(&mut self, op: Op, pc: u32, ctx: &mut Context, bus: &mut Peripherals) -> Result<(), Fault> {
-        self.pc = pc.wrapping_add(2);
+    pub(super) fn execute(
+        &mut self,
+        op: Op,
+        pc: u32,
+        flow: &mut Flow,
+        ctx: &mut Context,
+        bus: &mut Peripherals,
+    ) -> Result<(), Fault> {
+        flow.pc = pc.wrapping_add(2);
         let mut cost = timing::SIMPLE;
         match op {
             Op::Moves { d, m } => self.set_nz(d, self.reg(m)),
@@ -42,10 +49,7 @@ impl Cpu {
             Op::ShiftReg { shift, d, m } => self.shift_by_register(shift, d, m),
             Op::Adc { d, m } => self.add_with_carry(d, self.reg(d), self.reg(m)),
             Op::Sbc { d, m } => self.add_with_carry(d, self.reg(d), !self.reg(m)),
-            Op::Tst { n, m } => {
-                let value = self.reg(n) & self.reg(m);
-                (self.n, self.z) = (value, value);
-            }
+            Op::Tst { n, m } => self.judge(self.reg(n) & self.reg(m)),
             Op::Rsb { d, n } => self.subtract(d, 0, self.reg(n)),
             Op::CmpReg { n, m } => self.compare(self.reg(n), self.reg(m)),
             Op::Cmn { n, m } => {
@@ -59,59 +63,59 @@ impl Cpu {
             Op::MovHigh { d, m } => self.set(d, self.reg(m)),
             Op::AddSpecial { d, m } => {
                 let value = self.reg_or_pc(d, pc).wrapping_add(self.reg_or_pc(m, pc));
-                cost = self.set_special(d, value);
+                cost = self.set_special(d, value, flow);
             }
-            Op::MovSpecial { d, m } => cost = self.set_special(d, self.reg_or_pc(m, pc)),
+            Op::MovSpecial { d, m } => cost = self.set_special(d, self.reg_or_pc(m, pc), flow),
             Op::Bx { m } => {
                 cost = timing::BRANCH;
-                self.interwork(self.reg_or_pc(m, pc), pc, ctx, bus)?;
+                self.interwork(self.reg_or_pc(m, pc), pc, flow, ctx, bus)?;
             }
             Op::Blx { m } => {
                 cost = timing::BRANCH;
                 let target = self.reg(m);
                 self.r[14] = pc.wrapping_add(2) | 1;
-                self.jump(target, ctx)?;
+                self.jump(target, flow, ctx)?;
             }
             Op::LdrLiteral { t, address } => {
-                let value = self.load(address, Word, ctx, bus)?;
+                let value = self.load(address, Word, flow, ctx, bus)?;
                 self.set(t, value);
             }
-            Op::StrReg { t, n, m } => self.store(self.sum(n, m), Word, self.reg(t), ctx, bus)?,
-            Op::StrhReg { t, n, m } => self.store(self.sum(n, m), Half, self.reg(t), ctx, bus)?,
-            Op::StrbReg { t, n, m } => self.store(self.sum(n, m), Byte, self.reg(t), ctx, bus)?,
+            Op::StrReg { t, n, m } => self.store(self.sum(n, m), Word, self.reg(t), flow, ctx, bus)?,
+            Op::StrhReg { t, n, m } => self.store(self.sum(n, m), Half, self.reg(t), flow, ctx, bus)?,
+            Op::StrbReg { t, n, m } => self.store(self.sum(n, m), Byte, self.reg(t), flow, ctx, bus)?,
             Op::LdrReg { t, n, m } => {
-                let value = self.load(self.sum(n, m), Word, ctx, bus)?;
+                let value = self.load(self.sum(n, m), Word, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::LdrhReg { t, n, m } => {
-                let value = self.load(self.sum(n, m), Half, ctx, bus)?;
+                let value = self.load(self.sum(n, m), Half, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::LdrbReg { t, n, m } => {
-                let value = self.load(self.sum(n, m), Byte, ctx, bus)?;
+                let value = self.load(self.sum(n, m), Byte, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::LdrsbReg { t, n, m } => {
-                let value = self.load(self.sum(n, m), Byte, ctx, bus)?;
+                let value = self.load(self.sum(n, m), Byte, flow, ctx, bus)?;
                 self.set(t, value as i8 as u32);
             }
             Op::LdrshReg { t, n, m } => {
-                let value = self.load(self.sum(n, m), Half, ctx, bus)?;
+                let value = self.load(self.sum(n, m), Half, flow, ctx, bus)?;
                 self.set(t, value as i16 as u32);
             }
-            Op::StrImm { t, n, offset } => self.store(self.at(n, offset), Word, self.reg(t), ctx, bus)?,
-            Op::StrhImm { t, n, offset } => self.store(self.at(n, offset), Half, self.reg(t), ctx, bus)?,
-            Op::StrbImm { t, n, offset } => self.store(self.at(n, offset), Byte, self.reg(t), ctx, bus)?,
+            Op::StrImm { t, n, offset } => self.store(self.at(n, offset), Word, self.reg(t), flow, ctx, bus)?,
+            Op::StrhImm { t, n, offset } => self.store(self.at(n, offset), Half, self.reg(t), flow, ctx, bus)?,
+            Op::StrbImm { t, n, offset } => self.store(self.at(n, offset), Byte, self.reg(t), flow, ctx, bus)?,
             Op::LdrImm { t, n, offset } => {
-                let value = self.load(self.at(n, offset), Word, ctx, bus)?;
+                let value = self.load(self.at(n, offset), Word, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::LdrhImm { t, n, offset } => {
-                let value = self.load(self.at(n, offset), Half, ctx, bus)?;
+                let value = self.load(self.at(n, offset), Half, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::LdrbImm { t, n, offset } => {
-                let value = self.load(self.at(n, offset), Byte, ctx, bus)?;
+                let value = self.load(self.at(n, offset), Byte, flow, ctx, bus)?;
                 self.set(t, value);
             }
             Op::Adr { d, address } => self.set(d, address),
@@ -125,44 +129,55 @@ impl Cpu {
             Op::Revsh { d, m } => self.set(d, (self.reg(m) as u16).swap_bytes() as i16 as u32),
             Op::Push { list } => {
                 let bottom = self.r[13].wrapping_sub(4 * list.count_ones());
-                self.store_list(bottom, list, ctx, bus)?;
+                self.store_list(bottom, list, flow, ctx, bus)?;
                 self.r[13] = bottom;
             }
-            Op::Pop { list } => self.r[13] = self.load_list(self.r[13], list, ctx, bus)?,
+            Op::Pop { list } => self.r[13] = self.load_list(self.r[13], list, flow, ctx, bus)?,
             Op::PopPc { list } => {
                 cost = timing::POP_PC;
-                let top = self.load_list(self.r[13], list, ctx, bus)?;
-                let target = self.load(top, Word, ctx, bus)?;
+                let top = self.load_list(self.r[13], list, flow, ctx, bus)?;
+                let target = self.load(top, Word, flow, ctx, bus)?;
                 self.r[13] = top.wrapping_add(4);
-                self.interwork(target, pc, ctx, bus)?;
+                self.interwork(target, pc, flow, ctx, bus)?;
             }
             Op::Stm { n, list } => {
-                let end = self.store_list(self.reg(n), list, ctx, bus)?;
+                let end = self.store_list(self.reg(n), list, flow, ctx, bus)?;
                 self.set(n, end);
             }
             Op::Ldm { n, list } => {
-                let end = self.load_list(self.reg(n), list, ctx, bus)?;
+                let end = self.load_list(self.reg(n), list, flow, ctx, bus)?;
                 if list >> n & 1 == 0 {
                     self.set(n, end);
                 }
             }
-            Op::BranchIf { condition, target } => {
-                if self.holds(condition) {
-                    cost = timing::BRANCH;
-                    self.pc = target;
-                }
-            }
-            Op::Branch { target } => {
-                cost = timing::BRANCH;
-                self.pc = target;
-            }
+            Op::BranchEq { target } => cost = flow.branch(self.zero(), target),
+            Op::BranchNe { target } => cost = flow.branch(!self.zero(), target),
+            Op::BranchCs { target } => cost = flow.branch(self.carry(), target),
+            Op::BranchCc { target } => cost = flow.branch(!self.carry(), target),
+            Op::BranchMi { target } => cost = flow.branch(self.negative(), target),
+            Op::BranchPl { target } => cost = flow.branch(!self.negative(), target),
+            Op::BranchVs { target } => cost = flow.branch(self.overflow(), target),
+            Op::BranchVc { target } => cost = flow.branch(!self.overflow(), target),
+            Op::BranchHi { target } => cost = flow.branch(self.carry() && !self.zero(), target),
+            Op::BranchLs { target } => cost = flow.branch(!self.carry() || self.zero(), target),
+            Op::BranchGe { target } => cost = flow.branch(!self.less(), target),
+            Op::BranchLt { target } => cost = flow.branch(self.less(), target),
+            Op::BranchGt { target } => cost = flow.branch(!self.zero() && !self.less(), target),
+            Op::BranchLe { target } => cost = flow.branch(self.zero() || self.less(), target),
+            Op::Branch { target } => cost = flow.branch(true, target),
             Op::BranchLink { target } => {
                 cost = timing::BRANCH_LINK;
                 self.r[14] = pc.wrapping_add(4) | 1;
-                self.pc = target;
+                flow.pc = target;
             }
             Op::Nop => {}
-            Op::Watched => return self.execute_watched(pc, ctx, bus),
+            Op::Unknown => {
+                flow.pc = pc;
+                flow.publish(self, ctx);
+                let done = self.execute_unknown(ctx, bus);
+                flow.resume(self, ctx);
+                return done;
+            }
             Op::Cps { .. }
             | Op::Bkpt
             | Op::Svc
@@ -172,20 +187,27 @@ impl Cpu {
             | Op::Msr { .. }
             | Op::Mrs { .. }
             | Op::Barrier
-            | Op::Undefined => cost = self.execute_system(op, pc, ctx)?,
+            | Op::Undefined => {
+                flow.publish(self, ctx);
+                let spent = self.execute_system(op, pc, ctx);
+                flow.resume(self, ctx);
+                cost = spent?;
+            }
         }
-        self.spend(cost, ctx);
+        flow.spend(cost, ctx);
         Ok(())
     }
 
-    /// Halts, or executes what is really there when it has halted here before.
+    /// Finds out what the instruction is, and executes it.
     #[cold]
     #[inline(never)]
-    fn execute_watched(&mut self, pc: u32, ctx: &mut Context, bus: &mut Peripherals) -> Result<(), Fault> {
-        if self.passing.take() != Some(pc) {
-            return Err(Fault::Halt);
-        }
-        self.execute(ctx.nvm.unwatched(pc), pc, ctx, bus)
+    fn execute_unknown(&mut self, ctx: &mut Context, bus: &mut Peripherals) -> Result<(), Fault> {
+        let pc = self.pc;
+        let op = self.find(pc, ctx)?;
+        let mut flow = Flow { pc, now: ctx.now };
+        let done = self.execute(op, pc, &mut flow, ctx, bus);
+        flow.publish(self, ctx);
+        done
     }
 
     /// The instructions that are rare or end the loop; returns the cost.
@@ -242,18 +264,29 @@ impl Cpu {
 
     /// A branch that may return from an exception: BX, POP.
     #[inline(always)]
-    fn interwork(&mut self, target: u32, pc: u32, ctx: &mut Context, bus: &mut Peripherals) -> Result<(), Fault> {
+    fn interwork(
+        &mut self,
+        target: u32,
+        pc: u32,
+        flow: &mut Flow,
+        ctx: &mut Context,
+        bus: &mut Peripherals,
+    ) -> Result<(), Fault> {
         if target >> 28 == 0xf && self.ipsr != 0 {
-            return self.exception_return(target, pc, ctx, bus);
+            flow.publish(self, ctx);
+            let returned = self.exception_return(target, pc, ctx, bus);
+            flow.resume(self, ctx);
+            return returned;
         }
-        self.jump(target, ctx)
+        self.jump(target, flow, ctx)
     }
 
     /// A branch to an address with the Thumb bit.
     #[inline(always)]
-    fn jump(&mut self, target: u32, ctx: &mut Context) -> Result<(), Fault> {
-        self.pc = target & !1;
+    fn jump(&mut self, target: u32, flow: &mut Flow, ctx: &mut Context) -> Result<(), Fault> {
+        flow.pc = target & !1;
         if target & 1 == 0 {
+            flow.publish(self, ctx);
             self.thumb = false;
             self.refuse(Kind::ArmState, target, ctx);
             return Err(Fault::Target);
@@ -262,13 +295,20 @@ impl Cpu {
     }
 
     #[inline(always)]
-    fn load_list(&mut self, from: u32, list: u16, ctx: &mut Context, bus: &mut Peripherals) -> Result<u32, Fault> {
+    fn load_list(
+        &mut self,
+        from: u32,
+        list: u16,
+        flow: &mut Flow,
+        ctx: &mut Context,
+        bus: &mut Peripherals,
+    ) -> Result<u32, Fault> {
         let mut address = from;
         let mut left = list;
         while left != 0 {
             let register = left.trailing_zeros() as u8;
             left &= left - 1;
-            let value = self.load(address, Word, ctx, bus)?;
+            let value = self.load(address, Word, flow, ctx, bus)?;
             self.set(register, value);
             address = address.wrapping_add(4);
         }
@@ -276,13 +316,20 @@ impl Cpu {
     }
 
     #[inline(always)]
-    fn store_list(&mut self, from: u32, list: u16, ctx: &mut Context, bus: &mut Peripherals) -> Result<u32, Fault> {
+    fn store_list(
+        &mut self,
+        from: u32,
+        list: u16,
+        flow: &mut Flow,
+        ctx: &mut Context,
+        bus: &mut Peripherals,
+    ) -> Result<u32, Fault> {
         let mut address = from;
         let mut left = list;
         while left != 0 {
             let register = left.trailing_zeros() as u8;
             left &= left - 1;
-            self.store(address, Word, self.reg(register), ctx, bus)?;
+            self.store(address, Word, self.reg(register), flow, ctx, bus)?;
             address = address.wrapping_add(4);
         }
         Ok(address)

@@ -1,6 +1,6 @@
 //! The CPU's side of the bus.
 
-use super::{Cpu, Fault, timing};
+use super::{Cpu, Fault, Flow, timing};
 use crate::context::Context;
 use crate::nvm::Nvm;
 use crate::peripherals::Peripherals;
@@ -14,38 +14,80 @@ use crate::width::Width;
 const SYSTEM_CONTROL: u32 = 0xe000_e000;
 
 impl Cpu {
-    /// A load. Its address must be aligned (ARMv6-M ARM, A3.2).
+    /// A load by an instruction. Its address must be aligned (ARMv6-M ARM, A3.2).
     #[inline(always)]
     pub(super) fn load(
         &mut self,
         address: u32,
         width: Width,
+        flow: &mut Flow,
         ctx: &mut Context,
         peripherals: &mut Peripherals,
     ) -> Result<u32, Fault> {
-        if Sram::contains(address) && width.aligns(address) {
-            ctx.now += timing::ACCESS * u64::from(ctx.clocks.cpu_ticks);
-            return Ok(ctx.sram.read(address, width));
+        if width.aligns(address) {
+            if Sram::contains(address) {
+                flow.spend(timing::ACCESS, ctx);
+                return Ok(ctx.sram.read(address, width));
+            }
+            if let Some(value) = ctx.nvm.read_flash(address, width) {
+                let waits = ctx.nvm.fetch(address);
+                flow.spend(timing::ACCESS + waits, ctx);
+                return Ok(value);
+            }
         }
-        self.load_elsewhere(address, width, ctx, peripherals)
+        flow.publish(self, ctx);
+        let value = self.load_elsewhere(address, width, ctx, peripherals);
+        flow.resume(self, ctx);
+        value
     }
 
-    /// A store. Its address must be aligned (ARMv6-M ARM, A3.2).
+    /// A store by an instruction. Its address must be aligned (ARMv6-M ARM, A3.2).
     #[inline(always)]
     pub(super) fn store(
         &mut self,
         address: u32,
         width: Width,
         value: u32,
+        flow: &mut Flow,
         ctx: &mut Context,
         peripherals: &mut Peripherals,
     ) -> Result<(), Fault> {
         if Sram::contains(address) && width.aligns(address) {
-            ctx.now += timing::ACCESS * u64::from(ctx.clocks.cpu_ticks);
+            flow.spend(timing::ACCESS, ctx);
             ctx.sram.write(address, width, value);
             return Ok(());
         }
-        self.store_elsewhere(address, width, value, ctx, peripherals)
+        flow.publish(self, ctx);
+        let done = self.store_elsewhere(address, width, value, ctx, peripherals);
+        flow.resume(self, ctx);
+        done
+    }
+
+    /// A word that an exception reads.
+    pub(super) fn load_word(
+        &mut self,
+        address: u32,
+        ctx: &mut Context,
+        peripherals: &mut Peripherals,
+    ) -> Result<u32, Fault> {
+        let mut flow = Flow { pc: self.pc, now: ctx.now };
+        let value = self.load(address, Width::Word, &mut flow, ctx, peripherals);
+        flow.publish(self, ctx);
+        value
+    }
+
+    /// A word that an exception writes.
+    pub(super) fn store_word(
+        &mut self,
+        address: u32,
+        value: u32,
+        ctx: &mut Context,
+        peripherals: &mut Peripherals,
+    ) -> Result<(), Fault> {
+        let mut flow = Flow { pc: self.pc, now: ctx.now };
+        let done = self.store(address, Width::Word, value, &mut flow, ctx, peripherals);
+        flow.publish(self, ctx);
+        done
     }
 
     #[inline(never)]
@@ -63,9 +105,7 @@ impl Cpu {
         }
         if width.aligns(address) && Nvm::contains(address) {
             ctx.now = ctx.now.max(ctx.nvm.readable_from(address));
-            if !ctx.nvm.is_at_hand(address) {
-                ctx.now += ctx.nvm.fetch_line(address) * ticks;
-            }
+            ctx.now += ctx.nvm.fetch_any(address) * ticks;
             return ctx.nvm.read(address, width).ok_or(Fault::Instruction);
         }
         if width.aligns(address) && address & !0xfff == SYSTEM_CONTROL {
@@ -106,7 +146,7 @@ impl Cpu {
         self.after_access(ctx)
     }
 
-    /// A halfword of an instruction outside flash: SRAM, or what else holds code.
+    /// A halfword of an instruction.
     pub(super) fn fetch_half(&self, address: u32, ctx: &mut Context) -> Result<u16, Fault> {
         let value = match Sram::contains(address) {
             true => Some(ctx.sram.read(address, Width::Half)),

@@ -1,6 +1,6 @@
 //! Registers, flags and special registers, as instructions use them.
 
-use super::{Cpu, timing};
+use super::{Cpu, Flow, timing};
 
 impl Cpu {
     #[inline(always)]
@@ -21,11 +21,11 @@ impl Cpu {
 
     /// Writes a register that may be SP, whose low bits are zero, or PC, which branches; returns the cost.
     #[inline(always)]
-    pub(super) fn set_special(&mut self, register: u8, value: u32) -> u64 {
+    pub(super) fn set_special(&mut self, register: u8, value: u32, flow: &mut Flow) -> u64 {
         match register {
             13 => self.r[13] = value & !3,
             15 => {
-                self.pc = value & !1;
+                flow.pc = value & !1;
                 return timing::BRANCH;
             }
             _ => self.set(register, value),
@@ -45,9 +45,15 @@ impl Cpu {
         self.reg(n).wrapping_add(offset)
     }
 
+    /// Sets N and Z for a result.
+    #[inline(always)]
+    pub(super) fn judge(&mut self, result: u32) {
+        self.nz = i64::from(result as i32) as u64;
+    }
+
     #[inline(always)]
     pub(super) fn set_nz(&mut self, d: u8, value: u32) {
-        (self.n, self.z) = (value, value);
+        self.judge(value);
         self.set(d, value);
     }
 
@@ -57,7 +63,7 @@ impl Cpu {
         let (sum, carry) = a.overflowing_add(b);
         self.c = u32::from(carry);
         self.v = (a ^ sum) & (b ^ sum);
-        (self.n, self.z) = (sum, sum);
+        self.judge(sum);
         sum
     }
 
@@ -73,7 +79,7 @@ impl Cpu {
         let difference = a.wrapping_sub(b);
         self.c = u32::from(a >= b);
         self.v = (a ^ b) & (a ^ difference);
-        (self.n, self.z) = (difference, difference);
+        self.judge(difference);
     }
 
     #[inline(always)]
@@ -91,27 +97,34 @@ impl Cpu {
         self.set_nz(d, sum);
     }
 
-    /// Whether a condition code holds (ARMv6-M ARM, A6.3).
+    /// N.
     #[inline(always)]
-    pub(super) fn holds(&self, condition: u8) -> bool {
-        let (n, z, v) = (self.n >> 31 != 0, self.z == 0, self.v >> 31 != 0);
-        let c = self.c != 0;
-        match condition {
-            0 => z,
-            1 => !z,
-            2 => c,
-            3 => !c,
-            4 => n,
-            5 => !n,
-            6 => v,
-            7 => !v,
-            8 => c && !z,
-            9 => !c || z,
-            10 => n == v,
-            11 => n != v,
-            12 => !z && n == v,
-            _ => z || n != v,
-        }
+    pub(super) fn negative(&self) -> bool {
+        self.nz >> 63 != 0
+    }
+
+    /// Z.
+    #[inline(always)]
+    pub(super) fn zero(&self) -> bool {
+        self.nz as u32 == 0
+    }
+
+    /// C.
+    #[inline(always)]
+    pub(super) fn carry(&self) -> bool {
+        self.c != 0
+    }
+
+    /// V.
+    #[inline(always)]
+    pub(super) fn overflow(&self) -> bool {
+        self.v >> 31 != 0
+    }
+
+    /// N differs from V: the first operand of a comparison was less, as signed numbers.
+    #[inline(always)]
+    pub(super) fn less(&self) -> bool {
+        self.negative() != self.overflow()
     }
 
     /// MRS (ARMv6-M ARM, B4.2). Unprivileged code reads zero, but for the flags.
