@@ -79,6 +79,9 @@ pub trait Model {
     /// [`Model::next_event`] has come: `ctx.now` is at or after it. Must move its next event into the future.
     fn advance(&mut self, _ctx: &mut Context) {}
 
+    /// Whether [`Model::notice`] does anything.
+    const NOTICES: bool = false;
+
     /// The outside has changed [`Context::wires`], or a clock model has changed [`Context::clocks`].
     fn notice(&mut self, _ctx: &mut Context) {}
 
@@ -397,11 +400,13 @@ impl Peripherals {
     /// Tells every model that wires or clocks have changed.
     pub fn notice(&mut self, ctx: &mut Context) {
         for unit in Unit::ALL {
-            ctx.unit = Some(unit);
             with_model!(self, unit, model => {
-                model.notice(ctx);
-                let due = model.next_event();
-                self.schedule(unit, due, ctx);
+                if notices(model) {
+                    ctx.unit = Some(unit);
+                    model.notice(ctx);
+                    let due = model.next_event();
+                    self.schedule(unit, due, ctx);
+                }
             }, else ());
         }
         ctx.unit = None;
@@ -443,15 +448,16 @@ impl Peripherals {
         Some((unit, offset))
     }
 
-    /// Enters a model's next event into the calendar, and has the CPU look at the calendar again if it changed.
+    /// Enters a model's next event into the calendar, and has the CPU look at the calendar again if it is now the first.
     #[inline]
     fn schedule(&mut self, unit: Unit, due: Option<Cycles>, ctx: &mut Context) {
         let due = due.unwrap_or(Cycles::NEVER);
-        let entry = &mut self.due[unit as usize];
-        if *entry != due {
-            *entry = due;
-            self.next = self.due.iter().copied().min().unwrap_or(Cycles::NEVER);
+        let before = std::mem::replace(&mut self.due[unit as usize], due);
+        if due < self.next {
+            self.next = due;
             ctx.attention = true;
+        } else if before == self.next && due != before {
+            self.next = self.due.iter().copied().min().unwrap_or(Cycles::NEVER);
         }
     }
 
@@ -459,6 +465,11 @@ impl Peripherals {
         ctx.unit = None;
         ctx.access = None;
     }
+}
+
+/// Whether a model wants to know that wires or clocks have changed.
+const fn notices<M: Model>(_: &M) -> bool {
+    M::NOTICES
 }
 
 /// No model: nothing that the firmware would do with a made-up answer is worth emulating.

@@ -355,6 +355,8 @@ impl Model for Can {
         self.plan(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         if self.joined && self.hertz(ctx).is_none() {
             ctx.report(Kind::Unclocked);

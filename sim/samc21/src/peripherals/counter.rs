@@ -78,8 +78,11 @@ impl Counter {
 
     /// When count number `n` happens.
     fn time_of(&self, n: u64) -> Cycles {
-        let ticks = (u128::from(n) * u128::from(self.num)).div_ceil(self.den.into());
-        Cycles(self.since.0.saturating_add(u64::try_from(ticks).unwrap_or(u64::MAX)))
+        let ticks = match self.den {
+            1 => n.saturating_mul(self.num),
+            den => u64::try_from((u128::from(n) * u128::from(self.num)).div_ceil(den.into())).unwrap_or(u64::MAX),
+        };
+        Cycles(self.since.0.saturating_add(ticks))
     }
 
     /// Where it stands after `n` counts, as counting up.

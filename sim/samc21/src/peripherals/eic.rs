@@ -214,6 +214,8 @@ impl Model for Eic {
         ctx.set_irq(Irq::Eic, self.flags & self.enabled != 0);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         self.look(ctx);
     }

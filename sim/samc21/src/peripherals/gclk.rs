@@ -99,6 +99,8 @@ impl Model for Gclk {
         }
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         self.publish(ctx);
     }

@@ -156,6 +156,8 @@ impl Model for Nvmctrl {
         self.update(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         if ctx.clocks.cpu() != self.judged {
             self.check_speed(ctx);

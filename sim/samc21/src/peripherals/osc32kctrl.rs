@@ -136,6 +136,8 @@ impl Model for Osc32kctrl {
         self.update(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         self.update(ctx);
     }

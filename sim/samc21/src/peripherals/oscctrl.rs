@@ -192,6 +192,8 @@ impl Model for Oscctrl {
         self.update(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         self.update(ctx);
     }

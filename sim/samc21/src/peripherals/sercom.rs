@@ -290,6 +290,8 @@ impl Model for Sercom {
         self.update(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         self.line.listen(&ctx.wires.serial[self.index]);
     }

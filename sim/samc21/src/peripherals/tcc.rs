@@ -411,6 +411,8 @@ impl Model for Tcc {
         self.catch_up(ctx);
     }
 
+    const NOTICES: bool = true;
+
     fn notice(&mut self, ctx: &mut Context) {
         let clock = ctx.clocks.generic[INSTANCES[self.index].1];
         if clock != self.clock {
