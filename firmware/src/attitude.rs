@@ -10,8 +10,12 @@
 //! may move. The gyro is taken as the mean of the last two samples (trapezoid): at 100 Hz a plain sum lags by 5 ms,
 //! which at 2 rad/s is 10 mrad.
 
+mod arithmetic;
+
 use sarah_protocol::bus::{Mode, Motion};
-use sarah_protocol::fixed::Q16;
+use sarah_protocol::fixed::{Q16, wide};
+
+use arithmetic::{TimeConstant, root, sixth, times};
 
 /// One IMU sample as the sensor gives it, body axes x forward, y left, z up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -25,22 +29,22 @@ pub struct ImuSample {
 /// Longest step integrated at once, µs; a longer gap counts as this much.
 pub const MAX_STEP_US: u32 = 20_000;
 
-const ONE: i64 = 1 << 30;
+const ONE: i32 = 1 << 30;
 /// rad/s per gyro count.
 const RADIANS_PER_COUNT: f64 = core::f64::consts::PI / 180.0 / 16.4;
 /// Gyro count · µs → rad in Q30, times 2²⁰.
-const ANGLE: i64 = (RADIANS_PER_COUNT * 1e-6 * (1u64 << 50) as f64 + 0.5) as i64;
+const ANGLE: i32 = (RADIANS_PER_COUNT * 1e-6 * (1u64 << 50) as f64 + 0.5) as i32;
 /// Gyro count → rad/s in Q16, times 2¹⁶.
-const RATE: i64 = (RADIANS_PER_COUNT * (1u64 << 32) as f64 + 0.5) as i64;
+const RATE: i32 = (RADIANS_PER_COUNT * (1u64 << 32) as f64 + 0.5) as i32;
 /// Accelerometer count → m/s² in Q16, times 2⁸.
-const ACCELERATION: u64 = (9.80665 / 2048.0 * (1u64 << 24) as f64 + 0.5) as u64;
+const ACCELERATION: i32 = (9.80665 / 2048.0 * (1u64 << 24) as f64 + 0.5) as i32;
 /// Squared counts between which the accelerometer is believed: g ± 2 m/s².
 const GATE: core::ops::Range<u32> = gate(9.80665 - 2.0)..gate(9.80665 + 2.0);
-const SLOW_US: i64 = 500_000;
-const FAST_US: i64 = 50_000;
+const SLOW: TimeConstant = TimeConstant::us(500_000);
+const FAST: TimeConstant = TimeConstant::us(50_000);
 const FAST_FOR_US: u32 = 300_000;
-/// Time constant of the slow rate, µs.
-const RATE_US: i64 = 21_200;
+/// Of the slow rate.
+const LOW_PASS: TimeConstant = TimeConstant::us(21_200);
 
 const fn gate(acceleration: f64) -> u32 {
     let counts = acceleration * 2048.0 / 9.80665;
@@ -50,8 +54,8 @@ const fn gate(acceleration: f64) -> u32 {
 /// The filter. Same input, same output, bit for bit, on every machine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Attitude {
-    /// World up in body axes, Q30.
-    up: [i64; 3],
+    /// World up in body axes, Q30; each at most 1.
+    up: [i32; 3],
     /// The gyro sample before, counts.
     gyro: [i16; 3],
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
@@ -80,77 +84,81 @@ impl Attitude {
 
     /// World up in body axes, steps of 2⁻³⁰.
     pub fn up(&self) -> [i32; 3] {
-        self.up.map(|axis| axis as i32)
+        self.up
     }
 
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
         // The first sample has no interval behind it: it can only tell where gravity is.
-        if self.started {
-            self.rotate(dt_us, self.gyro, sample.gyro);
-        }
+        let mut up = match self.started {
+            true => self.rotated(dt_us, sample.gyro),
+            false => self.up.map(i64::from),
+        };
         self.started = true;
         self.gyro = sample.gyro;
 
         let squared = square(sample.accel);
         if GATE.contains(&squared) {
-            let tau = if self.settled() { SLOW_US } else { FAST_US };
-            self.correct(i64::from(dt_us) * ONE / tau, sample.accel);
+            let tau = if self.settled() { SLOW } else { FAST };
+            correct(&mut up, tau.share(dt_us), sample.accel);
         }
-        self.normalise();
+        self.up = normalised(up);
         self.age_us = (self.age_us + dt_us).min(FAST_FOR_US);
 
         let [wx, wy, _] = sample.gyro;
         let rate = [rate(wy), -rate(wx)];
         let gain = low_pass_gain(dt_us);
         for (slow, rate) in self.slow.iter_mut().zip(rate) {
-            *slow += ((((i64::from(rate.0) << 16) - *slow) >> 15) * gain) >> 15;
+            // Both are rates: 38 bits, of which 23 are left.
+            *slow += wide((((i64::from(rate.0) << 16) - *slow) >> 15) as i32, gain) >> 15;
         }
         let [x, y, _] = self.up;
         Motion {
             sequence: 0,
             mode: Mode::Braked,
-            acceleration: Q16((((u64::from(squared) << 16).isqrt() * ACCELERATION + (1 << 15)) >> 16) as i32),
-            rotation: Q16((((u64::from(square(sample.gyro)) << 16).isqrt() as i64 * RATE + (1 << 23)) >> 24) as i32),
+            acceleration: Q16(((wide(root(squared), ACCELERATION) + (1 << 15)) >> 16) as i32),
+            rotation: Q16(((wide(root(square(sample.gyro)), RATE) + (1 << 23)) >> 24) as i32),
             rate,
             slow_rate: self.slow.map(|slow| Q16(((slow + (1 << 15)) >> 16) as i32)),
             lean: [arc_sine(-x), arc_sine(-y)],
         }
     }
 
-    /// Rotates by the mean of two gyro samples: u + u×θ + ½(u×θ)×θ + ⅙((u×θ)×θ)×θ.
-    fn rotate(&mut self, dt_us: u32, before: [i16; 3], now: [i16; 3]) {
-        let mut theta = [0i64; 3];
-        for ((angle, a), b) in theta.iter_mut().zip(before).zip(now) {
-            // Half of the sum of both: one more bit to shift out.
-            *angle = ((i64::from(a) + i64::from(b)) * i64::from(dt_us) * ANGLE) >> 21;
+    /// Up, rotated by the mean of two gyro samples: u + u×θ + ½(u×θ)×θ + ⅙((u×θ)×θ)×θ.
+    fn rotated(&self, dt_us: u32, gyro: [i16; 3]) -> [i64; 3] {
+        let mut theta = [0; 3];
+        for ((angle, before), now) in theta.iter_mut().zip(self.gyro).zip(gyro) {
+            // Half of the sum of both: one more bit to shift out. At most 0.7 rad.
+            *angle = (wide((i32::from(before) + i32::from(now)) * dt_us as i32, ANGLE) >> 21) as i32;
         }
-        let first = cross(self.up, theta);
-        let second = cross(first, theta);
+        // With angles of at most 0.7 the first two stay below 2 in every axis, so they fit, and the third below 4.
+        let first = cross(self.up, theta).map(|axis| axis as i32);
+        let second = cross(first, theta).map(|axis| axis as i32);
         let third = cross(second, theta);
-        for (((up, a), b), c) in self.up.iter_mut().zip(first).zip(second).zip(third) {
-            *up += a + b / 2 + c / 6;
+        let mut up = self.up.map(i64::from);
+        for (((up, a), b), c) in up.iter_mut().zip(first).zip(second).zip(third) {
+            *up += i64::from(a) + i64::from(b / 2) + sixth(c);
         }
+        up
     }
+}
 
-    /// Moves by `gain` (Q30) towards the accelerometer, which at rest reads g upwards.
-    fn correct(&mut self, gain: i64, accel: [i16; 3]) {
-        for (up, accel) in self.up.iter_mut().zip(accel) {
-            // 2048 counts are g: 11 bits, 19 short of Q30.
-            let goal = i64::from(accel) << 19;
-            *up += ((goal - *up) * gain) >> 30;
-        }
+/// Moves by `gain` (Q30) towards the accelerometer, which at rest reads g upwards.
+fn correct(up: &mut [i64; 3], gain: i32, accel: [i16; 3]) {
+    for (up, accel) in up.iter_mut().zip(accel) {
+        // 2048 counts are g: 11 bits, 19 short of Q30.
+        let goal = i64::from(accel) << 19;
+        *up += times(goal - *up, gain) >> 30;
     }
+}
 
-    /// One Newton step towards length 1: u·(3 − u²)/2.
-    fn normalise(&mut self) {
-        let squared: i64 = self.up.iter().map(|axis| (axis * axis) >> 30).sum();
-        let factor = (3 * ONE - squared.min(2 * ONE)) / 2;
-        for axis in &mut self.up {
-            *axis = ((*axis * factor + (ONE / 2)) >> 30).clamp(-ONE, ONE);
-        }
-    }
+/// One Newton step towards length 1: u·(3 − u²)/2.
+fn normalised(up: [i64; 3]) -> [i32; 3] {
+    let one = i64::from(ONE);
+    let squared: i64 = up.iter().map(|axis| arithmetic::square(*axis) >> 30).sum();
+    let factor = ((3 * one - squared.min(2 * one)) / 2) as i32;
+    up.map(|axis| ((times(axis, factor) + one / 2) >> 30).clamp(-one, one) as i32)
 }
 
 fn square(v: [i16; 3]) -> u32 {
@@ -158,32 +166,35 @@ fn square(v: [i16; 3]) -> u32 {
     v.iter().map(|&axis| u32::from(axis.unsigned_abs()) * u32::from(axis.unsigned_abs())).sum()
 }
 
-fn cross([ax, ay, az]: [i64; 3], [bx, by, bz]: [i64; 3]) -> [i64; 3] {
-    [(ay * bz - az * by) >> 30, (az * bx - ax * bz) >> 30, (ax * by - ay * bx) >> 30]
+fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i64; 3] {
+    let minor = |a, b, c, d| (wide(a, b) - wide(c, d)) >> 30;
+    [minor(ay, bz, az, by), minor(az, bx, ax, bz), minor(ax, by, ay, bx)]
 }
 
 fn rate(counts: i16) -> Q16 {
-    Q16(((i64::from(counts) * RATE + (1 << 15)) >> 16) as i32)
+    Q16(((wide(counts.into(), RATE) + (1 << 15)) >> 16) as i32)
 }
 
 /// 1 − exp(−dt/τ) in Q30, by its series up to the seventh power: within 1e-5 up to [`MAX_STEP_US`].
-fn low_pass_gain(dt_us: u32) -> i64 {
-    let x = i64::from(dt_us) * ONE / RATE_US;
+fn low_pass_gain(dt_us: u32) -> i32 {
+    let x = LOW_PASS.share(dt_us);
+    let share_of_x = |sum| (wide(x, sum) >> 30) as i32;
     let mut sum = ONE;
-    let mut k = 7;
     // x·(1 − x/2·(1 − x/3·(…)))
-    while k > 1 {
-        sum = ONE - ((x * sum) >> 30) / k;
-        k -= 1;
+    for part in arithmetic::SEVENTH_TO_THIRD {
+        sum = ONE - part.of(share_of_x(sum));
     }
-    (x * sum) >> 30
+    share_of_x(ONE - share_of_x(sum) / 2)
 }
 
 /// asin by s + s³/6: exact to 0.1 mrad up to 0.25 rad, to 2 mrad up to 0.5 rad.
-fn arc_sine(sine: i64) -> Q16 {
-    let cube = (((sine * sine) >> 30) * sine) >> 30;
-    Q16(((sine + cube / 6 + (1 << 13)) >> 14) as i32)
+fn arc_sine(sine: i32) -> Q16 {
+    let square = (wide(sine, sine) >> 30) as i32;
+    let cube = wide(square, sine) >> 30;
+    Q16(((i64::from(sine) + sixth(cube) + (1 << 13)) >> 14) as i32)
 }
 
+#[cfg(test)]
+mod plain;
 #[cfg(test)]
 mod tests;

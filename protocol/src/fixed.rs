@@ -88,7 +88,7 @@ impl Q16 {
 /// The whole product. In halves: the chip multiplies 32 bits in one instruction, and calls a function of a hundred cycles
 /// for 64.
 #[inline(never)]
-const fn wide(a: i32, b: i32) -> i64 {
+pub const fn wide(a: i32, b: i32) -> i64 {
     let (high_a, low_a) = (a >> 16, a & 0xffff);
     let (high_b, low_b) = (b >> 16, b & 0xffff);
     let low = (low_a as u32).wrapping_mul(low_b as u32);
