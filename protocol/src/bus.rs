@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fixed::Q16;
 use crate::params::{ParamError, RawParams};
+use crate::write::write;
 
 /// Largest payload of a CAN-FD frame in bytes.
 pub const MAX_PAYLOAD: usize = 64;
@@ -298,7 +299,7 @@ fn frame<T: Serialize>(id: u16, body: &T) -> Frame {
     // A buffer of the maximum length cannot fail the resize; a body that did not fit would be sent empty and be
     // refused by every receiver as malformed.
     if data.resize(MAX_PAYLOAD, 0).is_ok() {
-        let used = postcard::to_slice(body, &mut data).map_or(0, |bytes| bytes.len());
+        let used = write(body, &mut data).unwrap_or(0);
         data.truncate(padded(used));
     }
     Frame { id, data }

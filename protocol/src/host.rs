@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::{self, Bytes, Header, MAX_BODY, Packet};
 use crate::params::RawParams;
 use crate::telemetry::{Event, Telemetry};
+use crate::write::write;
 
 /// Version of everything that is not frozen.
 pub const VERSION: u8 = 1;
@@ -300,8 +301,8 @@ fn frozen(session: u16, sequence: u16, parts: &[&[u8]]) -> Option<Bytes> {
 
 fn versioned<T: Serialize>(session: u16, sequence: u16, message: &T) -> Option<Bytes> {
     let mut buffer = [0; MAX_BODY];
-    let body = postcard::to_slice(message, &mut buffer).ok()?;
-    frame::encode(Header { version: VERSION, session, sequence }, body)
+    let used = write(message, &mut buffer)?;
+    frame::encode(Header { version: VERSION, session, sequence }, buffer.get(..used)?)
 }
 
 fn postcard_body<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, MessageError> {

@@ -10,6 +10,7 @@ pub mod refusal;
 pub mod schema;
 pub mod session;
 pub mod telemetry;
+mod write;
 
 /// Whether `a` is newer than `b` on a counter that wraps: less than half of its range ahead.
 pub const fn newer(a: u32, b: u32) -> bool {
