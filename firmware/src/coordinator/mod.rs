@@ -247,9 +247,12 @@ impl Coordinator {
 
     /// Takes the clock to `now_us`. Whoever calls late or out of order cannot turn it back.
     fn advance(&mut self, now_us: u32) {
-        let dt_us = if self.started { now_us.wrapping_sub(self.now_us) } else { 0 };
-        self.started = true;
-        if dt_us > u32::MAX / 2 {
+        if !core::mem::replace(&mut self.started, true) {
+            self.now_us = now_us;
+        }
+        let dt_us = now_us.wrapping_sub(self.now_us);
+        // Nothing passes between the calls of one turn.
+        if dt_us == 0 || dt_us > u32::MAX / 2 {
             return;
         }
         self.now_us = now_us;

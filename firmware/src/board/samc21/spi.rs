@@ -60,8 +60,12 @@ impl Spi {
     }
 
     fn exchange(&mut self, out: u8) -> Result<u8, Timeout> {
+        sercom().write_data(out.into());
+        self.received()
+    }
+
+    fn received(&mut self) -> Result<u8, Timeout> {
         let mut spi = sercom();
-        spi.write_data(out.into());
         for _ in 0..PATIENCE {
             if spi.read_intflag().rxc() {
                 return Ok(spi.read_data() as u8);
@@ -70,9 +74,27 @@ impl Spi {
         Err(Timeout)
     }
 
+    /// Reads with the next byte always waiting behind the one on the wire, which so never pauses.
+    fn read(&mut self, into: &mut [u8]) -> Result<(), Timeout> {
+        let mut to_send = into.len();
+        let mut send_next = || {
+            if to_send > 0 {
+                sercom().write_data(0);
+                to_send -= 1;
+            }
+        };
+        send_next();
+        for byte in into {
+            // The byte before has left its buffer: this one is on the wire, or behind it.
+            send_next();
+            *byte = self.received()?;
+        }
+        Ok(())
+    }
+
     fn operate(&mut self, operation: &mut Operation<'_, u8>) -> Result<(), Timeout> {
         match operation {
-            Operation::Read(into) => into.iter_mut().try_for_each(|byte| self.exchange(0).map(|got| *byte = got)),
+            Operation::Read(into) => self.read(into),
             Operation::Write(bytes) => bytes.iter().try_for_each(|byte| self.exchange(*byte).map(drop)),
             Operation::Transfer(into, bytes) => {
                 let padded = bytes.iter().copied().chain(core::iter::repeat(0));
