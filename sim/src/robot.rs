@@ -7,6 +7,7 @@
 //! [`crate::sensors`]' business, what an actuator makes of a command is [`crate::actuator`]'s.
 
 mod config;
+mod geometry;
 mod joint;
 mod model;
 
@@ -14,6 +15,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use config::{MAX_SUBSTEP_S, RobotConfig, RobotError};
+pub use geometry::Geometry;
 pub use model::SARAH_MJCF;
 
 use model::Model;

@@ -35,7 +35,7 @@ pub(super) struct Model {
     pub standing_height_m: f32,
 }
 
-fn missing(kind: &'static str, name: &str) -> RobotError {
+pub(super) fn missing(kind: &'static str, name: &str) -> RobotError {
     RobotError::Missing { kind, name: name.to_owned() }
 }
 
@@ -201,7 +201,7 @@ fn mjcf_joint<'a>(robot: &'a MjcfRobot, name: &str) -> Result<&'a MjcfJoint, Rob
     robot.joint_name_to_idx.get(name).and_then(|i| robot.joints.get(*i)).ok_or_else(|| missing("joint", name))
 }
 
-fn site(mjcf: &Mjcf, name: &str) -> Result<Vector, RobotError> {
+pub(super) fn site(mjcf: &Mjcf, name: &str) -> Result<Vector, RobotError> {
     let (body, site) = mjcf.site_by_name(name).ok_or_else(|| missing("site", name))?;
     let at = mjcf.bodies[body].body.sites[site].pose.translation;
     Ok(Vector::new(at.x as f32, at.y as f32, at.z as f32))

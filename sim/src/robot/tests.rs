@@ -201,3 +201,25 @@ fn a_speed_that_is_not_finite_brakes() {
     robot.drive(Joint::LeftHip, Drive::Velocity(f32::NAN));
     assert_eq!(robot.driven(Joint::LeftHip), Drive::Brake);
 }
+
+#[test]
+fn the_measures_place_the_soles_where_the_simulator_has_them() {
+    let geometry = Geometry::load().unwrap();
+    let mut robot = Robot::new(&RobotConfig { drop_m: 1.0, ..Default::default() }).unwrap();
+    assert_eq!(geometry.standing_m, robot.standing_height_m());
+    for (joint, speed) in Joint::ALL.into_iter().zip([1.5, -2.0, -0.5, -1.0, 3.0, 0.6]) {
+        robot.drive(joint, Drive::Velocity(speed));
+    }
+    steps(&mut robot, 0.15);
+    let soles_m = geometry.soles_m(Joint::ALL.map(|joint| robot.joint(joint).position));
+    let Model { world, pads, pad_colliders, trunk, .. } = &robot.model;
+    for ((pad, collider), sole) in pads.iter().zip(pad_colliders).zip(soles_m) {
+        let body = world.impulse_joints.get(pad.handle).unwrap().body2();
+        let half = world.colliders[*collider].shape().as_cuboid().unwrap().half_extents;
+        let up = Vector::new(0.0, 0.0, -half.z);
+        let at = world.bodies[*trunk].position().inverse() * (*world.bodies[body].position() * up);
+        let middle = sole.into_iter().map(Vector::from_array).sum::<Vector>() / 4.0;
+        // The pad's spring gives a little as the leg swings.
+        assert!((at - middle).length() < 0.002, "{at} {middle}");
+    }
+}
