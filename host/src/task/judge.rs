@@ -12,7 +12,7 @@ const QUIET_FOR_S: f32 = 0.5;
 /// Steps of one recovery are those within this time of the push, s.
 const RECOVERY_S: f32 = 3.0;
 
-/// Where the trunk truly is. On a robot, odometry stands in for it.
+/// Where the trunk truly is. On a robot, [`super::odometry`] stands in for it.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Pose {
     /// Position of the trunk, m.
