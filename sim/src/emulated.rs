@@ -31,6 +31,7 @@ use crate::mirror::{Mirror, Nameless};
 use crate::robot::Health;
 use crate::scenario::Episode;
 use crate::sil::{SilConfig, SilError};
+use crate::tap::Tap;
 use crate::world::World;
 
 /// Index of the coordinator's chip; the nodes follow in the order of [`NodeId`].
@@ -221,6 +222,15 @@ impl Emulated {
         }
         self.outside.can.record(true);
         self.outside.mirror = Some(mirror);
+        Ok(())
+    }
+
+    /// Compares as [`Emulated::compare`] does, and connects `tap` to the nodes; before the first run.
+    pub fn set_tap(&mut self, tap: Box<dyn Tap>) -> Result<(), ImagesError> {
+        self.compare()?;
+        if let Some(mirror) = &mut self.outside.mirror {
+            mirror.set_tap(tap);
+        }
         Ok(())
     }
 

@@ -22,6 +22,8 @@ use sarah_firmware::node::{self, Node, NodeConfig, NodeKind};
 use sarah_protocol::bus::{Frame, Message, NodeId};
 
 use crate::body::calibration_of;
+use crate::bus::Station;
+use crate::tap::{Passing, Socket, Tap};
 
 /// Function of an image that is one tick.
 const TICK: &str = "sarah_firmware::board::samc21::node::control_tick";
@@ -80,6 +82,7 @@ pub struct Mirror {
     twins: [Twin; 3],
     compared: Compared,
     difference: Option<Difference>,
+    tap: Socket,
 }
 
 /// An image lacks a name that comparing needs.
@@ -98,7 +101,12 @@ impl Mirror {
         let twin = |id| Twin::new(id, &image(id));
         let [knee, hip, abductor] = NodeId::ALL;
         let twins = [twin(knee)?, twin(hip)?, twin(abductor)?];
-        Ok(Mirror { twins, compared: Compared::default(), difference: None })
+        Ok(Mirror { twins, compared: Compared::default(), difference: None, tap: Socket::default() })
+    }
+
+    /// Connects `tap` to the nodes: their inputs are the library's, the outputs the chips'.
+    pub fn set_tap(&mut self, tap: Box<dyn Tap>) {
+        self.tap.connect(tap);
     }
 
     /// Where a node's chip must be watched.
@@ -136,12 +144,12 @@ impl Mirror {
             return;
         }
         let twin = &mut self.twins[id as usize];
-        if let Err(what) = twin.check_last(chip, commands, &mut self.compared) {
+        if let Err(what) = twin.check_last(chip, commands, &mut self.compared, &mut self.tap) {
             let at_us = chip.now().0 / 48;
             self.difference = Some(Difference { node: id, tick: twin.ticks, at_us, what });
             return;
         }
-        twin.tick(chip);
+        twin.tick(chip, &mut self.tap);
         self.compared.ticks += 1;
     }
 }
@@ -174,7 +182,14 @@ impl Twin {
     }
 
     /// What the tick before did.
-    fn check_last(&mut self, chip: &Chip, commands: [Command; 2], compared: &mut Compared) -> Result<(), String> {
+    fn check_last(
+        &mut self,
+        chip: &Chip,
+        commands: [Command; 2],
+        compared: &mut Compared,
+        tap: &mut Socket,
+    ) -> Result<(), String> {
+        let (at_us, station) = (chip.now().0 / 48, Station::Node(self.id));
         let taken = chip.peek(self.taken_at, Width::Word).unwrap_or_default();
         if taken != self.taken {
             if taken != self.taken.wrapping_add(1) {
@@ -182,9 +197,13 @@ impl Twin {
             }
             self.taken = taken;
             let message = self.heard.pop_front().ok_or("took a message that no frame brought")?;
+            if tap.connected() {
+                tap.pass(at_us, station, Passing::Frame(&message.encode()));
+            }
             self.expected.extend(self.node.on_message(&message));
         }
         if self.ticks > 0 {
+            tap.pass(at_us, station, Passing::Commands(commands));
             for (side, (chip, library)) in ["left", "right"].into_iter().zip(commands.into_iter().zip(self.commands)) {
                 compared.commands += 1;
                 if chip != library {
@@ -194,6 +213,9 @@ impl Twin {
         }
         while let Some(said) = self.said.pop_front() {
             compared.frames += 1;
+            if tap.connected() {
+                tap.pass(at_us, station, Passing::Sent(&said.encode()));
+            }
             let said = without_nonce(said);
             match self.expected.pop_front() {
                 Some(expected) if expected == said => {}
@@ -204,11 +226,12 @@ impl Twin {
         Ok(())
     }
 
-    fn tick(&mut self, chip: &Chip) {
+    fn tick(&mut self, chip: &Chip, tap: &mut Socket) {
         self.ticks += 1;
         let count = |index: u32| chip.peek(self.scan + 2 * index, Width::Half).unwrap_or_default() as u16;
         let counts = Counts { position: [0, 1].map(count), load: [2, 3, 4, 5].map(count) };
         let dt_us = chip.cpu().registers().r[2];
+        tap.pass(chip.now().0 / 48, Station::Node(self.id), Passing::Tick { dt_us, counts: &counts });
         let calibration = calibration_of(self.id);
         let out = self.node.tick(dt_us, &calibration.sensors(&counts));
         self.commands = out.drive.map(|drive| calibration.command(drive));

@@ -16,9 +16,9 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use sarah_firmware::coordinator::{Action, BusOutbox, Config, Coordinator, HostOutbox, Identity, ImuSample};
+use sarah_firmware::coordinator::{BusOutbox, Coordinator, HostOutbox, ImuSample};
 use sarah_firmware::lpg::Drive as Command;
-use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs};
+use sarah_firmware::node::{Node, NodeKind, Outputs};
 use sarah_protocol::bus::{Frame, Message, NodeId};
 use sarah_protocol::params::ParamSet;
 use serde::{Deserialize, Serialize};
@@ -27,11 +27,13 @@ use thiserror::Error;
 use crate::actuator::{ActuatorConfig, ActuatorError};
 use crate::body::{Body, calibration_of, joints_of};
 use crate::bus::{Bus, Station};
+use crate::chips::{self, Birth};
 use crate::emulated::ImagesError;
 use crate::energy::{EnergyConfig, EnergyError, EnergyMeter};
 use crate::robot::{Health, Robot, RobotConfig, RobotError};
 use crate::scenario::Episode;
 use crate::sensors::{SensorConfig, SensorError};
+use crate::tap::{Passing, Socket, Tap};
 
 /// What is simulated, and how finely.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -109,6 +111,7 @@ struct Chip {
 /// A robot with its firmware, in one world.
 pub struct Sil {
     body: Body,
+    birth: Birth,
     coordinator: Coordinator,
     nodes: [NodeKind; 3],
     bus: Bus,
@@ -120,6 +123,7 @@ pub struct Sil {
     now_us: u64,
     /// Whether time goes on after a fall.
     runs_on: bool,
+    tap: Socket,
 }
 
 impl Sil {
@@ -135,12 +139,13 @@ impl Sil {
         }
         let tick_us = 1_000_000 / rate;
         let imu_us = tick_us.max(1_000_000 / IMU_RATE_MAX_HZ);
-        let identity = Identity { boot_nonce: episode.seed as u32 | 1, ..Identity::default() };
-        let coordinator = Coordinator::new(Config {
+        let birth = Birth {
+            boot_nonce: episode.seed as u32 | 1,
             arm_at_boot: config.arm_at_boot,
             imu_period_us: imu_us,
-            ..Config::new(identity, default, stored)
-        });
+            default,
+            stored,
+        };
         let chip = |index: u64, station, period: u32| Chip {
             station,
             period_us: period.into(),
@@ -148,8 +153,9 @@ impl Sil {
         };
         Ok(Sil {
             body: Body::new(config, episode)?,
-            coordinator,
-            nodes: NodeId::ALL.map(|id| node::by_id(id, node_config(id, default))),
+            birth,
+            coordinator: birth.coordinator(),
+            nodes: NodeId::ALL.map(|id| birth.node(id)),
             bus: Bus::new(config.bus_latency_us),
             chips: [
                 chip(0, Station::Coordinator, imu_us),
@@ -163,6 +169,7 @@ impl Sil {
             commands: [Command::Brake; 6],
             now_us: 0,
             runs_on: false,
+            tap: Socket::default(),
         })
     }
 
@@ -212,14 +219,16 @@ impl Sil {
         match to {
             Station::Coordinator => {
                 let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
+                self.pass(to, Passing::Frame(frame));
                 self.coordinator.on_bus(self.now_us as u32, frame, &mut bus, &mut host);
                 self.send(&mut bus, &mut host);
             }
             Station::Node(id) => {
                 // What does not decode is dropped, as the chip's receive task does.
                 let Ok(message) = Message::decode(frame) else { return };
+                self.pass(to, Passing::Frame(frame));
                 if let Some(answer) = self.nodes[id as usize].on_message(&message) {
-                    self.bus.send(self.now_us, to, answer.encode());
+                    self.send_frame(to, answer.encode());
                 }
             }
         }
@@ -244,33 +253,57 @@ impl Sil {
         let counts = self.body.imu(self.now_us);
         let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
         let bytes: Vec<u8> = self.to_coordinator.drain(..).collect();
-        self.coordinator.on_host_bytes(now, &bytes, &mut bus, &mut host);
-        self.coordinator.on_imu(now, &ImuSample { accel: counts.accel, gyro: counts.gyro }, &mut bus);
-        if let Some(Action::Store(set, generation)) = self.coordinator.tick(now, &mut bus, &mut host) {
-            self.stored = Some((generation, set));
-            self.coordinator.on_stored(generation, true, &mut host);
+        let imu = ImuSample { accel: counts.accel, gyro: counts.gyro };
+        self.pass(Station::Coordinator, Passing::Turn { host: &bytes, imu: &imu });
+        if let Some(stored) = chips::turn(&mut self.coordinator, now, &bytes, &imu, &mut bus, &mut host) {
+            self.stored = Some(stored);
+            self.pass(Station::Coordinator, Passing::Stored(stored.0));
         }
         self.send(&mut bus, &mut host);
     }
 
     fn tick_node(&mut self, id: NodeId, dt_us: u32) {
-        let sensors = calibration_of(id).sensors(&self.body.counts(id, self.now_us));
+        let calibration = calibration_of(id);
+        let counts = self.body.counts(id, self.now_us);
+        self.pass(Station::Node(id), Passing::Tick { dt_us, counts: &counts });
+        let sensors = calibration.sensors(&counts);
         let Outputs { drive, messages } = self.nodes[id as usize].tick(dt_us, &sensors);
         let [left, right] = joints_of(id);
         self.commands[left as usize] = drive[0];
         self.commands[right as usize] = drive[1];
+        self.pass(Station::Node(id), Passing::Commands(drive.map(|drive| calibration.command(drive))));
         for message in messages {
-            self.bus.send(self.now_us, Station::Node(id), message.encode());
+            self.send_frame(Station::Node(id), message.encode());
         }
     }
 
     fn send(&mut self, bus: &mut BusOutbox, host: &mut HostOutbox) {
         while let Some(frame) = bus.pop() {
-            self.bus.send(self.now_us, Station::Coordinator, frame);
+            self.send_frame(Station::Coordinator, frame);
         }
         while let Some(bytes) = host.pop() {
+            self.pass(Station::Coordinator, Passing::Told(&bytes));
             self.to_host.extend_from_slice(&bytes);
         }
+    }
+
+    fn send_frame(&mut self, from: Station, frame: Frame) {
+        self.pass(from, Passing::Sent(&frame));
+        self.bus.send(self.now_us, from, frame);
+    }
+
+    fn pass(&mut self, chip: Station, what: Passing<'_>) {
+        self.tap.pass(self.now_us, chip, what);
+    }
+
+    /// Connects `tap` to the control code of all four chips; before the first run.
+    pub fn set_tap(&mut self, tap: Box<dyn Tap>) {
+        self.tap.connect(tap);
+    }
+
+    /// What the chips were born with.
+    pub fn birth(&self) -> &Birth {
+        &self.birth
     }
 
     /// Bytes from the host; read at the coordinator's next tick.
@@ -337,13 +370,4 @@ impl Sil {
     pub fn unplug(&mut self, station: Station, unplugged: bool) {
         self.bus.unplug(station, unplugged);
     }
-}
-
-fn node_config(id: NodeId, default: ParamSet) -> NodeConfig {
-    let (end_stop, plausible) = match id {
-        NodeId::Knee => node::knee::STROKE,
-        NodeId::Hip => node::swing::HIP_SWING,
-        NodeId::Abductor => node::swing::ABDUCTOR_SWING,
-    };
-    NodeConfig { default, boot_nonce: 1, end_stop, plausible }
 }

@@ -1,0 +1,34 @@
+//! Recordings: what a robot told, in an MCAP file that Foxglove, Rerun and ROS tools open, and replaying it.
+//!
+//! ```text
+//!   robot ──► link ──► Heard ──► Recorder ──► file.mcap ──► Foxglove, Rerun …
+//!   simulated control code ──► Tape ──┘           └──────► replay ──► identical, or the first difference
+//! ```
+//!
+//! - [`recorder`]: from news to messages. [`file`](self): readable up to the last second. [`schemas`]: our messages.
+//! - [`scene`]: the robot in space. [`pose`]: where something is. [`words`]: events in words.
+//! - [`simulated`]: records a simulated robot, with every call of its control code on a [`tape`]. [`live`]: one on a port.
+//! - [`reader`]: what a replay needs. [`replay`]: the same inputs through this build.
+//!
+//! Topics, their messages and rates are in `docs/recording.md`. Times of a real robot are the host's since 1970, those of a
+//! simulated one its own since power-up, so that equal seeds make equal files.
+
+pub mod error;
+mod file;
+pub mod live;
+pub mod pose;
+pub mod reader;
+pub mod recorder;
+pub mod replay;
+pub mod scene;
+pub mod schemas;
+pub mod simulated;
+pub mod tape;
+pub mod words;
+
+pub use error::RecordingError;
+pub use recorder::{About, Recorder};
+pub use replay::replay;
+
+#[cfg(test)]
+mod tests;
