@@ -32,6 +32,8 @@ pub struct LinkJoint {
     pub axis: [f64; 3],
     /// It slides (m) rather than turns (rad).
     pub slides: bool,
+    /// Its ends, m or rad.
+    pub range: [f64; 2],
 }
 
 /// A body's outer form.
@@ -74,7 +76,11 @@ fn link(body: &Body, parent: Option<usize>) -> Result<Link, RobotError> {
         if found.pos != [0.0; 3] || joint.is_some() {
             return Err(RobotError::Attribute { name, attribute: "a single joint at the body's origin" });
         }
-        joint = Some(LinkJoint { name: found.name.clone().unwrap_or_default(), axis: found.axis, slides });
+        let joint_name = found.name.clone().unwrap_or_default();
+        let Some(range) = found.range else {
+            return Err(RobotError::Attribute { name: joint_name, attribute: "range" });
+        };
+        joint = Some(LinkJoint { name: joint_name, axis: found.axis, slides, range });
     }
     Ok(Link {
         parent: parent.and_then(|parent| parent.checked_sub(1)),

@@ -11,6 +11,7 @@ use sarah_protocol::schema::schema_hash;
 use sarah_protocol::session::{LinkStats, News};
 use sarah_protocol::telemetry::Telemetry;
 
+use super::description::Description;
 use super::error::RecordingError;
 use super::file::{McapFile, Topic};
 use super::pose::Pose;
@@ -45,6 +46,7 @@ pub struct Recorder<W: Write + Seek = File> {
 struct Topics {
     transforms: Topic<FrameTransforms>,
     robot: Topic<SceneUpdate>,
+    description: Topic<Description>,
     joints: Topic<JointStates>,
     imu: Topic<Imu>,
     pads: Topic<Pads>,
@@ -98,6 +100,8 @@ impl<W: Write + Seek> Recorder<W> {
             Recorder { file, topics, scene: Scene::new()?, start_ns, transforms_at_ns: None, dropped: 0, telemetry: 0 };
         let look = recorder.scene.look(timestamp(start_ns));
         recorder.file.write(&mut recorder.topics.robot, start_ns, &look)?;
+        let description = recorder.scene.description();
+        recorder.file.write(&mut recorder.topics.description, start_ns, &description)?;
         // From here on the file says what it is, even if nothing ever comes.
         recorder.file.flush()?;
         Ok(recorder)
@@ -208,6 +212,7 @@ impl Topics {
         Ok(Topics {
             transforms: file.topic("/tf", &plain)?,
             robot: file.topic("/robot", &plain)?,
+            description: file.topic("/robot_description", &plain)?,
             joints: file.topic("/joints", &plain)?,
             imu: file.topic("/imu", &plain)?,
             pads: file.topic("/pads", &plain)?,

@@ -9,6 +9,7 @@ use sarah_protocol::telemetry::Telemetry;
 use sarah_sim::robot::{Joint, RobotError};
 use sarah_sim::skeleton::{self, Link, Shape};
 
+use super::description::Description;
 use super::pose::Pose;
 
 /// The frame everything is in: x forward at power-up, z up, the ground at z = 0.
@@ -33,6 +34,11 @@ impl Scene {
         let index = |name: &str| Joint::ALL.iter().position(|joint| joint.name() == name);
         let moved_by = links.iter().map(|link| link.joint.as_ref().and_then(|joint| index(&joint.name))).collect();
         Ok(Scene { links, moved_by })
+    }
+
+    /// The same for tools that draw from URDF.
+    pub fn description(&self) -> Description {
+        Description::of(&self.links)
     }
 
     /// Every link against its parent, the trunk against the world. Without a pose of the trunk it leans as the robot
@@ -101,7 +107,8 @@ impl Scene {
                 frame_locked: true,
                 ..SceneEntity::default()
             };
-            let colour = colour(&link.name);
+            let [r, g, b] = colour(&link.name);
+            let colour = Color { r, g, b, a: 1.0 };
             for shape in &link.shapes {
                 draw(&mut entity, shape, colour);
             }
@@ -130,11 +137,9 @@ fn draw(entity: &mut SceneEntity, shape: &Shape, colour: Color) {
             color: Some(colour),
         }),
         Shape::Capsule { from_m, to_m, radius_m } => {
-            let along: [f64; 3] = std::array::from_fn(|i| to_m[i] - from_m[i]);
-            let length = along.iter().map(|d| d * d).sum::<f64>().sqrt();
-            let middle = std::array::from_fn(|i| 0.5 * (from_m[i] + to_m[i]));
+            let (middle, length) = along_z(from_m, to_m);
             entity.cylinders.push(CylinderPrimitive {
-                pose: Some(message(&Pose { position_m: middle, turn_xyzw: from_z(along, length) })),
+                pose: Some(message(&middle)),
                 size: Some(vector([2.0 * radius_m, 2.0 * radius_m, length])),
                 bottom_scale: 1.0,
                 top_scale: 1.0,
@@ -149,6 +154,14 @@ fn draw(entity: &mut SceneEntity, shape: &Shape, colour: Color) {
     }
 }
 
+/// Middle and length of a rod, with z along it.
+pub(super) fn along_z(from_m: [f64; 3], to_m: [f64; 3]) -> (Pose, f64) {
+    let along: [f64; 3] = std::array::from_fn(|i| to_m[i] - from_m[i]);
+    let length = along.iter().map(|d| d * d).sum::<f64>().sqrt();
+    let position_m = std::array::from_fn(|i| 0.5 * (from_m[i] + to_m[i]));
+    (Pose { position_m, turn_xyzw: from_z(along, length) }, length)
+}
+
 /// The turn that takes z to `along`.
 fn from_z([x, y, z]: [f64; 3], length: f64) -> [f64; 4] {
     let w = length + z;
@@ -157,13 +170,13 @@ fn from_z([x, y, z]: [f64; 3], length: f64) -> [f64; 4] {
     if norm < 1e-9 * length { [1.0, 0.0, 0.0, 0.0] } else { [-y / norm, x / norm, 0.0, w / norm] }
 }
 
-fn colour(link: &str) -> Color {
-    let [r, g, b] = match link.split_once('_') {
+/// Red, green and blue of a link, 0 to 1.
+pub(super) fn colour(link: &str) -> [f64; 3] {
+    match link.split_once('_') {
         Some(("l", _)) => BLUE,
         Some(("r", _)) => ORANGE,
         _ => GREY,
-    };
-    Color { r, g, b, a: 1.0 }
+    }
 }
 
 fn message(pose: &Pose) -> PoseMessage {
