@@ -39,19 +39,22 @@ pub fn bake(source: &Path, into: &Path) -> Result<Baked, ParamFileError> {
         true => Some((read_text(into)?, load_param_set(into)?.0)),
         false => None,
     };
-    let text = match &old {
-        Some((text, _)) => edited(text, &set, &origin),
-        None => format!("{HEADER}{}", param_set_text(&set, Some(&origin))),
-    };
-    // What was edited by lines is only kept if it reads as the set.
-    let name = into.display().to_string();
-    let (values, _) = read_params(&text, &name, &param_specs())?;
-    let text = if values == set.values() { text } else { format!("{HEADER}{}", param_set_text(&set, Some(&origin))) };
+    let edited = old.as_ref().and_then(|(text, _)| rewritten(text, &set, &origin));
+    let text = edited.unwrap_or_else(|| format!("{HEADER}{}", param_set_text(&set, Some(&origin))));
     write_atomic(into, text.as_bytes())?;
     let before = |index: usize| old.as_ref().map(|(_, old)| old.values()[index]);
     let changed = SPECS.iter().zip(set.values()).enumerate();
     let changed = changed.map(|(index, (spec, value))| (spec.symbol, before(index), *value));
     Ok(Baked { from, changed: changed.filter(|(_, before, after)| *before != Some(*after)).collect() })
+}
+
+/// The text of a parameter file with another set in it, its comments and order kept. `None` if it is not written line by
+/// line, as this project writes such files.
+pub(crate) fn rewritten(old: &str, set: &ParamSet, origin: &Origin) -> Option<String> {
+    let text = edited(old, set, origin);
+    // What was edited by lines is only kept if it reads as the set.
+    let (values, _) = read_params(&text, "", &param_specs()).ok()?;
+    (values == set.values()).then_some(text)
 }
 
 /// The old text with new numbers and a new origin.
