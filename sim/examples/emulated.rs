@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use sarah_protocol::bus::{Mode, NodeId};
 use sarah_protocol::session::{HostSession, News};
+use sarah_sim::awake::Summary;
 use sarah_sim::emulated::{Emulated, Images, NAMES};
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::{Episode, Push};
@@ -65,9 +66,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         simulated_s / cpu_s,
         instructions as f64 * 1e-6 / simulated_s
     );
-    println!("| image | ticks | mean | p99 | max |\n|---|---:|---:|---:|---:|");
+    println!("| image | ticks | mean | p99 | max | late p99 | late max |\n|---|---:|---:|---:|---:|---:|---:|");
     for (name, awake) in NAMES.iter().zip(&awake) {
-        println!("| {name} | {} | {:.0} | {} | {} |", awake.ticks, awake.mean, awake.p99, awake.max);
+        let Summary { ticks, mean, p99, max, late_p99, late_max } = awake;
+        println!("| {name} | {ticks} | {mean:.0} | {p99} | {max} | {late_p99} | {late_max} |");
     }
     for ((name, chip), awake) in NAMES.iter().zip(robot.chips()).zip(&awake) {
         if let Some(profile) = chip.profile() {

@@ -281,7 +281,8 @@ impl World for Emulated {
                 return Err(self.violation(chip).into());
             }
             if let Some(awake) = &mut self.awake {
-                awake[chip].at_tick(self.machine.chips[chip].awake());
+                let halted = &self.machine.chips[chip];
+                awake[chip].at_tick(halted.now(), halted.awake());
             }
             if let Some(mirror) = &mut self.outside.mirror
                 && let Some(id) = NodeId::ALL.into_iter().find(|id| chip == 1 + *id as usize)
