@@ -2,12 +2,16 @@
 //!
 //! - [`enaf`]: the recurrent NAF agent. [`search`]: the baselines.
 //! - [`task`]: what the agent sees, may do, and is rewarded for. [`link`]: the session to a robot.
-//! - [`train`]: a run of three sessions over seeds. [`evaluate`]: controllers on common pushes.
+//! - [`train`]: a run of three sessions over seeds. [`live`]: the same on a robot, in real time.
+//! - [`evaluate`]: controllers on common pushes.
+//! - [`monitor`]: the robot in a terminal. [`recording`]: everything heard, for viewers and for replay.
 //! - [`run`]: the folder a run lives in. [`metrics`], [`stats`], [`figures`], [`report`]: from numbers to a report.
-//! - [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
+//! - [`params`]: sets of files and robots. [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
+//! - [`bench`]: how good the link is.
 //! - [`cli`]: the `sarah` command. [`progress`]: how far it is.
 
 pub mod bake;
+pub mod bench;
 pub mod cli;
 pub mod emulate;
 pub mod enaf;
@@ -15,8 +19,12 @@ pub mod evaluate;
 pub mod figures;
 pub mod flash;
 pub mod link;
+pub mod live;
 pub mod metrics;
+pub mod monitor;
+pub mod params;
 pub mod progress;
+pub mod recording;
 pub mod report;
 pub mod run;
 pub mod search;

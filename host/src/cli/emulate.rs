@@ -8,7 +8,7 @@ use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::SilConfig;
 
 use super::{CliError, IMAGES};
-use crate::emulate::serve::{Server, serve};
+use crate::emulate::serve::{Server, Service, serve};
 use crate::emulate::{self, Setup, Shown, gdb};
 use crate::flash::Node;
 
@@ -42,6 +42,9 @@ pub(super) struct EmulateArgs {
     /// Print awake cycles per tick, and the functions they go to.
     #[arg(long)]
     cycles: bool,
+    /// Keep the coordinator's non-volatile memory in this file: ending and starting again is a power cycle.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["compare", "cycles"])]
+    memory: Option<PathBuf>,
     /// Print what the chips log, in words (needs `defmt-print`).
     #[arg(long, conflicts_with_all = ["compare", "cycles"])]
     logs: bool,
@@ -65,13 +68,14 @@ pub(super) fn run(args: &EmulateArgs) -> Result<(), CliError> {
         let shown = emulate::unattended(&setup, args.compare.is_some(), args.cycles)?;
         print!("{}", words(&shown));
     } else {
-        let server = Server::start(&setup, args.fast, args.logs)?;
+        let scenario = Some((scenario, args.seed));
+        let service = Service { fast: args.fast, logs: args.logs, scenario, memory: args.memory.clone() };
+        let server = Server::start(&setup, &service)?;
         let chip = NAMES.iter().position(|name| *name == args.chip.name()).unwrap_or_default();
-        let health = match args.gdb {
+        match args.gdb {
             Some(port) => gdb::debug(server, chip, args.chip.name(), port)?,
             None => serve(server)?,
-        };
-        println!("the robot: {health:?}");
+        }
     }
     Ok(())
 }

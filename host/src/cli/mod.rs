@@ -1,9 +1,14 @@
 //! The `sarah` command: arguments in, one clear line on error.
 
+mod bench;
 mod emulate;
 mod flash;
+mod monitor;
+mod params;
+mod record;
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use sarah_firmware::default_params;
@@ -12,15 +17,20 @@ use sarah_sim::sensors::SensorConfig;
 use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
-use crate::bake::bake;
+use crate::bench::BenchError;
 use crate::emulate::EmulateError;
 use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
 use crate::flash::FlashError;
+use crate::link::port::Target;
 use crate::metrics::Summary;
+use crate::monitor::MonitorError;
+use crate::params::assign::AssignError;
+use crate::params::errand::RobotError;
 use crate::progress::Progress;
+use crate::recording::RecordingError;
 use crate::report::{ControllerReport, Evaluation, headline};
 use crate::run::{Layout, ParamFileError, RunError, load_param_set, read_text};
-use crate::train::{self, ConfigError, Method, TrainConfig, TrainError};
+use crate::train::{self, ConfigError, Method, Operator, TrainConfig, TrainError};
 
 /// Trains, evaluates and reports the balance of a biped that steps by local pattern generators.
 #[derive(Parser, Debug)]
@@ -37,7 +47,10 @@ enum Verb {
         sarah train --quick             the same path with small numbers, about two minutes\n  \
         sarah train --seed 7 --out runs/seven\n  \
         sarah train --resume runs/seven  after it was cut off; ends bit-identical\n  \
-        sarah train --print-config > my.toml && sarah train --config my.toml")]
+        sarah train --print-config > my.toml && sarah train --config my.toml\n  \
+        sarah train --link serial:/dev/ttyACM0   a robot, in real time; type a to arm it\n  \
+        sarah train --link serial --arm          the only board plugged in; arms at once, and after falls\n  \
+        sarah train --resume runs/robot-1 --link serial:/dev/ttyACM1")]
     Train(TrainArgs),
     /// Run a controller through a scenario and sum it up.
     #[command(after_help = "Examples:\n  sarah evaluate --scenario stand --episodes 3\n  \
@@ -45,12 +58,28 @@ enum Verb {
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
         --repeats 4 --seed 7 --json")]
     Evaluate(EvaluateArgs),
-    /// Work with parameter sets.
-    #[command(after_help = "Example:\n  sarah params bake runs/train-1")]
+    /// Show, compare and change parameter sets: of files, of runs, of a robot, of the firmware.
+    #[command(after_help = "Examples:\n  sarah params show runs/train-1\n  \
+        sarah params set --from runs/train-1 --link serial\n  \
+        sarah params commit --link serial\n  \
+        sarah params bake runs/train-1")]
     Params {
         #[command(subcommand)]
-        verb: ParamsVerb,
+        verb: params::ParamsVerb,
     },
+    /// Watch a robot in the terminal, arm it, stop it.
+    #[command(after_help = "Examples:\n  sarah monitor --link serial:/dev/ttyACM0\n  \
+        sarah monitor --link serial --observe          claims nothing\n  \
+        sarah monitor --link serial:/dev/pts/3 > log   a line a second")]
+    Monitor(monitor::MonitorArgs),
+    /// Record a robot, simulated or real, for Foxglove, Rerun and replay.
+    #[command(after_help = "Examples:\n  sarah record --link sim --scenario train --seed 3\n  \
+        sarah record --link emulated --seconds 5\n  \
+        sarah record --link serial:/dev/ttyACM0 --out walk.mcap")]
+    Record(record::RecordArgs),
+    /// Run a recording's inputs through this build's control code, and say where it first differs.
+    #[command(after_help = "Example:\n  sarah replay walk.mcap")]
+    Replay(record::ReplayArgs),
     /// Write an image onto a board, verify it, and let it run.
     #[command(after_help = "Examples:\n  sarah flash --node knee                      the only board plugged in\n  \
         sarah flash --node knee --probe ATML2130021800000001\n  \
@@ -66,6 +95,11 @@ enum Verb {
         sarah emulate --gdb 3333 --chip hip          waits for GDB"
     )]
     Emulate(emulate::EmulateArgs),
+    /// Measure the link: latencies, a bad line for a long time, a host that floods it.
+    #[command(after_help = "Examples:\n  sarah bench latency --tries 10000\n  \
+        sarah bench flood --seconds 20\n  \
+        sarah bench soak --minutes 30 --link emulated")]
+    Bench(bench::BenchArgs),
     /// Draw figures and write report.md again from a run's data, and print its tables.
     #[command(after_help = "Example:\n  sarah report runs/train-1")]
     Report {
@@ -103,6 +137,14 @@ struct TrainArgs {
     /// Print the configuration and stop.
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
+    /// On a robot: arm when it stands, and again whenever somebody has put it back on its feet after a fall. Without
+    /// it, type a.
+    #[arg(long)]
+    arm: bool,
+    /// On a robot: listen here, for instance 127.0.0.1:7755, for poses from whoever sees it from outside; see
+    /// docs/odometry.md. Without it, odometry alone.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pose: Option<String>,
     #[command(flatten)]
     link: LinkArgs,
 }
@@ -154,18 +196,38 @@ struct EvaluateArgs {
     link: LinkArgs,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+/// What balances.
+#[derive(Clone, PartialEq, Eq, Debug)]
 enum LinkName {
     /// The firmware library in the simulator.
     Sim,
     /// The flashed images on emulated chips.
     Emulated,
+    /// A robot on a serial port.
+    Serial(String),
+}
+
+impl FromStr for LinkName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<LinkName, String> {
+        match text {
+            "sim" => Ok(LinkName::Sim),
+            "emulated" => Ok(LinkName::Emulated),
+            text if text.parse::<Target>().is_ok() => Ok(LinkName::Serial(text.into())),
+            _ => {
+                Err("give sim, emulated, serial:PATH (for instance serial:/dev/ttyACM0), or serial for the only board"
+                    .into())
+            }
+        }
+    }
 }
 
 #[derive(Args, Debug)]
 struct LinkArgs {
-    /// What balances: the firmware's library, or its images on emulated chips.
-    #[arg(long, value_enum, default_value = "sim")]
+    /// What balances: `sim`, the firmware's library; `emulated`, its images on emulated chips; `serial:PATH`, a robot,
+    /// or `serial` for the only board that is plugged in.
+    #[arg(long, default_value = "sim")]
     link: LinkName,
     /// Where the images lie.
     #[arg(long, default_value = IMAGES)]
@@ -176,24 +238,17 @@ impl LinkArgs {
     fn images(&self) -> Option<PathBuf> {
         (self.link == LinkName::Emulated).then(|| self.images.clone())
     }
+
+    fn serial(&self) -> Option<&str> {
+        match &self.link {
+            LinkName::Serial(link) => Some(link),
+            _ => None,
+        }
+    }
 }
 
 /// Where `cargo firmware` puts the images.
 const IMAGES: &str = "target/thumbv6m-none-eabi/firmware";
-
-#[derive(Subcommand, Debug)]
-enum ParamsVerb {
-    /// Make a run's set the one the firmware is built with; takes effect with the next `cargo firmware`.
-    #[command(after_help = "Examples:\n  sarah params bake runs/train-1\n  \
-        sarah params bake my-params.toml --into default-params.toml")]
-    Bake {
-        /// A run folder, or a parameter file.
-        from: PathBuf,
-        /// The file the firmware is built from. Keeps its comments; [origin] is replaced.
-        #[arg(long, default_value = "default-params.toml")]
-        into: PathBuf,
-    },
-}
 
 /// Why a command failed; one line each.
 #[derive(Debug, Error)]
@@ -204,6 +259,9 @@ pub enum CliError {
     /// Evaluating.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// Common pushes on a robot.
+    #[error("{0} compares controllers on common pushes, which only a simulator gives: --link sim or emulated")]
+    OnlySimulated(&'static str),
     /// A scenario.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -219,6 +277,21 @@ pub enum CliError {
     /// Flashing.
     #[error(transparent)]
     Flash(#[from] FlashError),
+    /// A robot's parameters.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// Parameters to set.
+    #[error(transparent)]
+    Assign(#[from] AssignError),
+    /// The dashboard.
+    #[error(transparent)]
+    Monitor(#[from] MonitorError),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Measuring.
+    #[error(transparent)]
+    Bench(#[from] BenchError),
     /// Emulating.
     #[error(transparent)]
     Emulate(#[from] EmulateError),
@@ -229,9 +302,13 @@ pub fn main() -> Result<(), CliError> {
     match Cli::parse().verb {
         Verb::Train(args) => train_verb(args),
         Verb::Evaluate(args) => evaluate_verb(&args),
-        Verb::Params { verb: ParamsVerb::Bake { from, into } } => bake_verb(&from, &into),
+        Verb::Params { verb } => params::run(&verb),
+        Verb::Monitor(args) => monitor::run(&args),
+        Verb::Record(args) => record::record(&args),
+        Verb::Replay(args) => record::run_replay(&args),
         Verb::Flash(args) => flash::run(&args),
         Verb::Emulate(args) => emulate::run(&args),
+        Verb::Bench(args) => bench::run(&args),
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;
@@ -250,8 +327,10 @@ pub fn main() -> Result<(), CliError> {
 }
 
 fn train_verb(args: TrainArgs) -> Result<(), CliError> {
+    let serial = args.link.serial().map(String::from);
+    let operator = Operator { arm: args.arm, link: serial.clone(), pose: args.pose.clone() };
     if let Some(folder) = args.resume {
-        train::resume(&folder)?;
+        train::resume(&folder, &operator)?;
         return Ok(());
     }
     let mut config = match &args.config {
@@ -264,17 +343,28 @@ fn train_verb(args: TrainArgs) -> Result<(), CliError> {
     config.episodes = args.episodes.unwrap_or(config.episodes);
     config.methods = args.methods.unwrap_or(config.methods);
     config.robot.images = args.link.images().or(config.robot.images);
+    if let Some(link) = &serial {
+        config = config.on_a_robot(link);
+    }
     config.validate()?;
     if args.print_config {
         print!("{}", config.to_toml()?);
         return Ok(());
     }
-    let name = format!("runs/{}-{}", if args.quick { "quick" } else { "train" }, config.seed);
-    train::train(&config, args.out.as_deref().unwrap_or(Path::new(&name)))?;
+    let kind = match &config.link {
+        Some(_) => "robot",
+        None if args.quick => "quick",
+        None => "train",
+    };
+    let name = format!("runs/{kind}-{}", config.seed);
+    train::train(&config, args.out.as_deref().unwrap_or(Path::new(&name)), &operator)?;
     Ok(())
 }
 
 fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
+    if args.link.serial().is_some() {
+        return Err(CliError::OnlySimulated("evaluate"));
+    }
     let (name, controller) = match (&args.params, args.controller) {
         (Some(path), _) => (path.display().to_string(), Controller::Constants(load_param_set(path)?.0)),
         (None, ControllerName::Default) => ("default".into(), Controller::Constants(default_params())),
@@ -300,17 +390,6 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     report.summary = summary;
     let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
     println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
-    Ok(())
-}
-
-fn bake_verb(from: &Path, into: &Path) -> Result<(), CliError> {
-    let baked = bake(from, into)?;
-    for (symbol, before, after) in &baked.changed {
-        let before = before.map_or("new".into(), |before| before.to_string());
-        println!("{symbol}: {before} -> {after}");
-    }
-    let count = baked.changed.len();
-    println!("{}: {count} changed, from {}; `cargo firmware` builds it in", into.display(), baked.from.display());
     Ok(())
 }
 

@@ -17,7 +17,6 @@ use gdbstub::target::ext::base::singlethread::{
 use gdbstub::target::ext::breakpoints::{Breakpoints, BreakpointsOps, SwBreakpoint, SwBreakpointOps};
 use gdbstub::target::{Target, TargetError, TargetResult};
 use samc21::{Chip, Width};
-use sarah_sim::robot::Health;
 
 use super::EmulateError;
 use super::serve::{Server, serve};
@@ -70,7 +69,7 @@ impl Registers for CoreRegisters {
 
 /// Waits for GDB on `port` of this machine and lets it control chip number `chip`; when it disconnects, the robot goes
 /// on without it.
-pub fn debug(server: Server, chip: usize, name: &str, port: u16) -> Result<Health, EmulateError> {
+pub fn debug(server: Server, chip: usize, name: &str, port: u16) -> Result<(), EmulateError> {
     let refused = |source| EmulateError::Listen { port, source };
     let listener = TcpListener::bind(("127.0.0.1", port)).map_err(refused)?;
     println!("{name} waits for GDB: gdb-multiarch IMAGE -ex 'target remote :{port}'");
@@ -84,7 +83,7 @@ pub fn debug(server: Server, chip: usize, name: &str, port: u16) -> Result<Healt
         return Err(error);
     }
     match reason {
-        Ok(DisconnectReason::Kill) => return Ok(server.world().health()),
+        Ok(DisconnectReason::Kill) => return Ok(()),
         Ok(_) => {}
         Err(error) => return Err(EmulateError::Gdb(error.to_string())),
     }

@@ -1,12 +1,14 @@
 //! `sarah emulate`: the flashed images on four emulated chips with the simulated robot, as a whole.
 //!
-//! Either a host of one's own talks to the robot through a pseudo-terminal ([`serve`]), with GDB on one of the chips if
-//! asked for ([`gdb`]), or a host built in arms it with the set in its memory and the scenario's pushes come
+//! Either a host of one's own talks to the robot through a pseudo-terminal ([`serve`], [`terminal`]), somebody beside it
+//! pushes it and picks it up ([`attendant`]), with GDB on one of the chips if asked for ([`gdb`]), or a host built in arms it with the set in its memory and the scenario's pushes come
 //! ([`unattended`]): to compare chips with the library, or to see where their cycles go.
 
+pub mod attendant;
 pub mod gdb;
 mod logs;
 pub mod serve;
+pub mod terminal;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -22,6 +24,7 @@ use thiserror::Error;
 
 use crate::link::sim::{LinkError, SLICE_US, SimRobot};
 use crate::progress::Progress;
+use crate::run::RunError;
 
 /// Why an emulation ended early.
 #[derive(Debug, Error)]
@@ -41,6 +44,17 @@ pub enum EmulateError {
     /// The pseudo-terminal failed.
     #[error("the pseudo-terminal failed: {0}; start again")]
     Io(#[from] std::io::Error),
+    /// The file of the coordinator's memory.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A file that is no memory.
+    #[error("{path} is no memory of {expected} bytes; name another --memory file, or delete it to start without one")]
+    Memory {
+        /// Which.
+        path: PathBuf,
+        /// What it would have.
+        expected: usize,
+    },
     /// No listener for GDB.
     #[error("cannot listen for GDB on port {port}: {source}; choose another --gdb port")]
     Listen {

@@ -1,45 +1,87 @@
 //! The robot on a pseudo-terminal: any host may connect, in real time.
 
-use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use samc21::nvm::RWWEE_BASE;
 use samc21::{Cycles, Stop};
-use sarah_sim::emulated::{Emulated, NAMES};
-use sarah_sim::robot::Health;
+use sarah_sim::emulated::{COORDINATOR, Emulated, NAMES};
+use sarah_sim::scenario::Scenario;
 use sarah_sim::world::World;
-use serialport::{SerialPort, TTYPort};
 
+use super::attendant::Attendant;
 use super::logs::Logs;
+use super::terminal::Terminal;
 use super::{EmulateError, Setup};
+use crate::run::{read_bytes, write_atomic};
 
-/// Bytes from the pseudo-terminal that are passed on at once.
-const CHUNK: usize = 1024;
+/// How the robot is served.
+#[derive(Clone, Debug, Default)]
+pub struct Service {
+    /// Does not wait for the clock on the wall.
+    pub fast: bool,
+    /// Prints what the chips log.
+    pub logs: bool,
+    /// What happens to the robot, again and again.
+    pub scenario: Option<(Scenario, u64)>,
+    /// File with the coordinator's non-volatile memory, kept from one power-up to the next.
+    pub memory: Option<PathBuf>,
+}
 
 /// A robot whose host link is a pseudo-terminal.
 pub struct Server {
     world: Emulated,
-    near: TTYPort,
-    /// Held open, so that a host may come and go.
-    far: TTYPort,
+    terminal: Terminal,
+    attendant: Option<Attendant>,
     logs: Option<Logs>,
-    pending: Vec<u8>,
+    memory: Option<Memory>,
     began: Instant,
     fast: bool,
     said_s: u64,
     end_us: u64,
 }
 
+/// Non-volatile memory that outlives the process.
+struct Memory {
+    path: PathBuf,
+    kept: Vec<u8>,
+}
+
+impl Memory {
+    /// Puts what the file holds into the coordinator; without a file the memory is as the factory left it.
+    fn open(path: &Path, world: &mut Emulated) -> Result<Memory, EmulateError> {
+        let chip = &mut world.chips_mut()[COORDINATOR];
+        if path.exists() {
+            let bytes = read_bytes(path)?;
+            if bytes.len() != chip.nvm().rwwee().len() {
+                return Err(EmulateError::Memory { path: path.into(), expected: chip.nvm().rwwee().len() });
+            }
+            chip.nvm_mut().load(RWWEE_BASE, &bytes);
+        }
+        Ok(Memory { path: path.into(), kept: chip.nvm().rwwee().to_vec() })
+    }
+
+    fn keep(&mut self, world: &Emulated) -> Result<(), EmulateError> {
+        let now = world.chips()[COORDINATOR].nvm().rwwee();
+        if now != self.kept {
+            write_atomic(&self.path, now)?;
+            self.kept = now.to_vec();
+        }
+        Ok(())
+    }
+}
+
 impl Server {
-    /// Powers the robot up and prints where its host link is. `fast`: does not wait for the clock on the wall.
-    /// `logs`: prints what the chips log.
-    pub fn start(setup: &Setup, fast: bool, logs: bool) -> Result<Server, EmulateError> {
-        let world = setup.start()?;
-        let (mut near, far) = TTYPort::pair()?;
-        near.set_timeout(Duration::from_millis(1))?;
-        println!("host link: {}", far.name().unwrap_or_default());
-        let logs = if logs { Some(Logs::start(&setup.images, &world)?) } else { None };
-        let (began, end_us) = (Instant::now(), setup.end_us());
-        Ok(Server { world, near, far, logs, pending: vec![], began, fast, said_s: 0, end_us })
+    /// Powers the robot up and prints where its host link is.
+    pub fn start(setup: &Setup, service: &Service) -> Result<Server, EmulateError> {
+        let mut world = setup.start()?;
+        let memory = service.memory.as_ref().map(|path| Memory::open(path, &mut world)).transpose()?;
+        let terminal = Terminal::new()?;
+        println!("host link: {}", terminal.path());
+        let logs = if service.logs { Some(Logs::start(&setup.images, &world)?) } else { None };
+        let attendant = service.scenario.as_ref().map(|(scenario, seed)| Attendant::new(scenario, *seed, &mut world));
+        let (began, end_us, fast) = (Instant::now(), setup.end_us(), service.fast);
+        Ok(Server { world, terminal, attendant, logs, memory, began, fast, said_s: 0, end_us })
     }
 
     /// The robot.
@@ -52,45 +94,32 @@ impl Server {
         &mut self.world
     }
 
-    /// The time is over, or the robot has fallen.
+    /// The time is over.
     pub fn ended(&self) -> bool {
-        self.world.now_us() >= self.end_us || self.world.health() != Health::Upright
+        self.world.now_us() >= self.end_us
     }
 
     /// Passes bytes on and runs for `slice_us`, or until a chip is halted by a debugger: then which.
     pub fn turn(&mut self, slice_us: u64) -> Result<Option<usize>, EmulateError> {
-        let mut bytes = [0; CHUNK];
-        // Asked only when something waits: an empty read would cost its time-out.
-        if self.near.bytes_to_read()? > 0 {
-            match self.near.read(&mut bytes) {
-                Ok(count) => self.world.host_write(&bytes[..count]),
-                Err(error) if idle(&error) => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
         let until = Cycles::from_micros(self.world.now_us() + slice_us);
         let halted = match self.world.run(until) {
             None | Some((_, Stop::Time)) => None,
             Some((chip, Stop::Breakpoint)) => Some(chip),
             Some((chip, Stop::Violation)) => return Err(self.world.violation(chip).into()),
         };
-        self.pending.extend(self.world.host_read());
-        if !self.pending.is_empty() {
-            match self.near.write(&self.pending) {
-                Ok(count) => drop(self.pending.drain(..count)),
-                // Nobody reads: a serial line would lose it.
-                Err(error) if idle(&error) => self.pending.clear(),
-                Err(error) => return Err(error.into()),
-            }
+        let heard = self.terminal.exchange(&self.world.host_read())?;
+        self.world.host_write(&heard);
+        if let Some(attendant) = &mut self.attendant {
+            attendant.look(self.world.health(), &mut self.world)?;
         }
         if let Some(logs) = &mut self.logs {
             logs.collect(&mut self.world)?;
         }
-        self.keep_pace();
+        self.keep_pace()?;
         Ok(halted)
     }
 
-    fn keep_pace(&mut self) {
+    fn keep_pace(&mut self) -> Result<(), EmulateError> {
         let now = Duration::from_micros(self.world.now_us());
         if !self.fast {
             std::thread::sleep(now.saturating_sub(self.began.elapsed()));
@@ -98,7 +127,11 @@ impl Server {
         if now.as_secs() > self.said_s {
             self.said_s = now.as_secs();
             println!("{}", self.line());
+            if let Some(memory) = &mut self.memory {
+                memory.keep(&self.world)?;
+            }
         }
+        Ok(())
     }
 
     /// The clock on the wall went on while the robot stood still; it does not run after it.
@@ -115,32 +148,24 @@ impl Server {
             NAMES.iter().zip(self.world.chips()).map(|(name, chip)| format!("{name} {:.0} %", share(chip))).collect();
         let now_s = self.world.now_us() as f64 * 1e-6;
         format!(
-            "{now_s:7.1} s ({:.1} x real time)  trunk {:+.2} {:+.2} {:.2} m  awake: {}",
+            "{now_s:7.1} s ({:.1} x real time)  trunk {:+.2} {:+.2} {:.2} m  falls {}  awake: {}",
             now_s / self.began.elapsed().as_secs_f64().max(1e-9),
             trunk.position_m[0],
             trunk.position_m[1],
             trunk.position_m[2],
+            self.attendant.as_ref().map_or(0, Attendant::falls),
             awake.join(", "),
         )
     }
-
-    /// Path of the host link.
-    pub fn path(&self) -> String {
-        self.far.name().unwrap_or_default()
-    }
-}
-
-fn idle(error: &std::io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 /// Length of a turn, µs.
 const TURN_US: u64 = 2_000;
 
-/// Serves until the time is over or the robot falls.
-pub fn serve(mut server: Server) -> Result<Health, EmulateError> {
+/// Serves until the time is over.
+pub fn serve(mut server: Server) -> Result<(), EmulateError> {
     while !server.ended() {
         server.turn(TURN_US)?;
     }
-    Ok(server.world.health())
+    Ok(())
 }

@@ -32,6 +32,11 @@ impl Agent {
         self.state.fill(0.0);
     }
 
+    /// Goes on with another network of the same shape; the hidden state stays.
+    pub fn exchange(&mut self, network: Network) {
+        self.network = network;
+    }
+
     /// Decides after `observation` `[O]`, given the action `[A]` of the decision before (at an episode's start: the
     /// session's initial action).
     ///

@@ -8,6 +8,7 @@
 //! | [`encoder`] | observations to features: a GRU with a hand-derived backward, or one feed-forward layer |
 //! | [`model`] | features to V, μ, L, and Q = V − ½ (u−μ)ᵀ L Lᵀ (u−μ) |
 //! | [`agent`] | acting: one decision after another, hidden state and all |
+//! | [`actor`] | an episode with exploration, from its first observation to what the learner gets |
 //! | [`noise`] | exploration that decays, behind a coin |
 //! | [`replay`] | episodes stored whole, unrolled from their own start |
 //! | [`learner`] | targets, one gradient step, Polyak target |
@@ -17,6 +18,7 @@
 //! All randomness comes from generators owned by the trainer, none from burn, and burn's `flex` device computes on the
 //! calling thread only: trainers on different threads do not influence each other, and equal seeds give equal bits.
 
+pub mod actor;
 pub mod agent;
 pub mod checkpoint;
 pub mod config;
@@ -32,6 +34,7 @@ pub mod trainer;
 #[cfg(test)]
 mod tests;
 
+pub use actor::{Actor, Played};
 pub use agent::{Decision, Policy};
 pub use config::{EnafConfig, Form, NoiseConfig};
 pub use environment::{End, EnvError, Environment, Outcome};

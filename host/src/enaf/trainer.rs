@@ -6,11 +6,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
-use super::agent::{Agent, check, with_constants};
-use super::learner::Learner;
+use super::actor::{Actor, Played, gate};
+use super::agent::with_constants;
+use super::learner::{Learner, Step};
 use super::model::{Network, Shape};
 use super::noise::Noise;
-use super::replay::{Episode, Replay};
+use super::replay::Replay;
 use super::{EnafConfig, EnafError, End, Environment, Form, Policy};
 
 /// What one episode did and taught.
@@ -46,6 +47,15 @@ pub struct EpisodeLog {
     pub updates: u64,
     /// Whether the state-dependent part is let in (constants-first).
     pub gate: bool,
+}
+
+impl EpisodeLog {
+    /// Takes one of `due` gradient steps into the means.
+    pub fn learned(&mut self, step: &Step, due: usize) {
+        self.loss += step.loss / due as f32;
+        self.grad_norm += step.grad_norm / due as f32;
+        self.updates += 1;
+    }
 }
 
 /// A noise-free episode, as far as it matters for choosing the parameters to keep.
@@ -118,55 +128,53 @@ impl Trainer {
     /// What the world reports, and numbers that are not finite, by name. After an error the session should be taken up
     /// from its last checkpoint.
     pub fn episode(&mut self, env: &mut dyn Environment) -> Result<EpisodeLog, EnafError> {
-        let mut log = self.act(env)?;
-        self.learn(&mut log)?;
-        self.episode += 1;
-        Ok(log)
-    }
-
-    fn act(&mut self, env: &mut dyn Environment) -> Result<EpisodeLog, EnafError> {
-        let number = self.episode;
-        let finite = |quantity, decision, values: &[f32]| match values.iter().all(|x| x.is_finite()) {
-            true => Ok(()),
-            false => Err(EnafError::WorldNotFinite { episode: number, decision, quantity }),
-        };
-        let shape = self.learner.shape();
-        let mut agent = Agent::new(Network::new(shape, self.learner.weights(), self.gate()));
-        self.noise.begin(number);
-
-        let seed = episode_seed(self.seed, number + (self.spoilt << 32));
-        let mut observation = env.reset(seed).map_err(EnafError::Environment)?;
-        let mut previous = self.initial_action.clone();
-        let mut episode = Episode::default();
-        let mut mu_mean = vec![0.0; previous.len()];
-        let mut value_mean = 0.0;
-        for decision in 0..self.config.horizon {
-            check("observation", shape.observation, &observation)?;
-            finite("observation", decision, &observation)?;
-            episode.inputs.extend(shape.see(&observation, &previous));
-            let decided = agent.act(&observation, &previous)?;
-            let noise = self.noise.draw();
-            let action: Vec<f32> = decided.mu.iter().zip(&noise).map(|(mu, n)| (mu + n).clamp(-1.0, 1.0)).collect();
+        let mut actor = self.actor();
+        actor.begin();
+        let mut observation = env.reset(self.world()).map_err(EnafError::Environment)?;
+        let mut fell = false;
+        for _ in 0..self.config.horizon {
+            let action = actor.decide(&observation)?;
             let outcome = env.decide(&action).map_err(EnafError::Environment)?;
-            finite("reward", decision, &[outcome.reward])?;
-
-            episode.actions.extend(&action);
-            episode.rewards.push(outcome.reward);
-            value_mean += decided.value;
-            mu_mean.iter_mut().zip(&decided.mu).for_each(|(sum, mu)| *sum += mu);
-            previous = action;
+            actor.earned(outcome.reward)?;
             observation = outcome.observation;
             if let Some(end) = outcome.end {
-                episode.fell = end == End::Fall;
+                fell = end == End::Fall;
                 break;
             }
         }
-        let decisions = episode.rewards.len();
-        check("observation", shape.observation, &observation)?;
-        finite("observation", decisions, &observation)?;
-        episode.inputs.extend(shape.see(&observation, &previous));
-        mu_mean.iter_mut().for_each(|mu| *mu /= decisions as f32);
+        let played = actor.end(&observation, fell)?;
+        let mut log = self.store(played);
+        let due = self.due();
+        while let Some(step) = self.update()? {
+            log.learned(&step, due);
+        }
+        Ok(log)
+    }
 
+    /// An actor for the next episode and those after it, with what has been learned so far.
+    #[must_use]
+    pub fn actor(&self) -> Actor {
+        let (shape, weights) = (self.learner.shape(), self.learner.weights());
+        Actor::new(&self.config, shape, weights, &self.initial_action, self.noise.clone(), self.episode)
+    }
+
+    /// The weights as learned so far, for an actor.
+    #[must_use]
+    pub fn weights(&self) -> &[f32] {
+        self.learner.weights()
+    }
+
+    /// The seed of the next episode's world.
+    fn world(&self) -> u64 {
+        episode_seed(self.seed, self.episode + (self.spoilt << 32))
+    }
+
+    /// Stores an episode that was acted. What is to be learned from it is done by [`Trainer::update`].
+    pub fn store(&mut self, played: Played) -> EpisodeLog {
+        let Played { number, episode, noise, mu_mean, value_mean } = played;
+        let seed = self.world();
+        self.noise = noise;
+        let decisions = episode.rewards.len();
         let return_sum = episode.rewards.iter().sum::<f32>();
         let reward_mean = return_sum / self.config.horizon as f32;
         if !self.noise.noisy() {
@@ -177,7 +185,9 @@ impl Trainer {
         }
         let fell = episode.fell;
         self.replay.push(episode);
-        Ok(EpisodeLog {
+        self.owed_updates += self.config.depth * decisions;
+        self.episode = number + 1;
+        EpisodeLog {
             episode: number,
             seed,
             decisions,
@@ -187,36 +197,47 @@ impl Trainer {
             noisy: self.noise.noisy(),
             sigma: self.noise.width(),
             mu_mean,
-            value_mean: value_mean / decisions as f32,
+            value_mean,
             noise_free_mean: self.noise_free_mean(),
             loss: 0.0,
             grad_norm: 0.0,
             updates: self.learner.updates(),
-            gate: self.gate(),
-        })
+            gate: gate(self.config.residual_after, number),
+        }
     }
 
-    fn learn(&mut self, log: &mut EpisodeLog) -> Result<(), EnafError> {
-        self.owed_updates += self.config.depth * log.decisions;
-        if self.episode + 1 < self.config.warm_up_episodes() as u64 {
-            return Ok(());
+    /// Gradient steps that [`Trainer::update`] would do now.
+    #[must_use]
+    pub fn due(&self) -> usize {
+        match self.episode < self.config.warm_up_episodes() as u64 {
+            true => 0,
+            false => self.owed_updates,
         }
-        let (gate, updates) = (self.gate(), std::mem::take(&mut self.owed_updates));
-        let (input, action) = (self.learner.shape().input(), self.learner.shape().action);
-        for _ in 0..updates {
-            let batch = self.replay.draw(self.config.batch_episodes, self.config.unroll, input, action);
-            let Some(batch) = batch else { break };
-            let step = self.learner.step(&batch, &self.config, gate)?;
-            log.loss += step.loss / updates as f32;
-            log.grad_norm += step.grad_norm / updates as f32;
+    }
+
+    /// One gradient step of those the stored episodes are worth ([`EnafConfig::depth`] per decision); `None` when all
+    /// are done, or while warming up.
+    ///
+    /// # Errors
+    /// Numbers that are not finite, by name.
+    pub fn update(&mut self) -> Result<Option<Step>, EnafError> {
+        if self.due() == 0 {
+            return Ok(None);
         }
-        log.updates = self.learner.updates();
-        Ok(())
+        let shape = self.learner.shape();
+        let (input, action) = (shape.input(), shape.action);
+        let batch = self.replay.draw(self.config.batch_episodes, self.config.unroll, input, action);
+        let Some(batch) = batch else { return Ok(None) };
+        // The gate is that of the episode stored last.
+        let gate = gate(self.config.residual_after, self.episode.saturating_sub(1));
+        let step = self.learner.step(&batch, &self.config, gate)?;
+        self.owed_updates -= 1;
+        Ok(Some(step))
     }
 
     /// Whether the state-dependent part of μ is let in.
     fn gate(&self) -> bool {
-        self.config.residual_after.is_some_and(|after| self.episode >= after as u64)
+        gate(self.config.residual_after, self.episode)
     }
 
     fn noise_free_mean(&self) -> Option<f32> {

@@ -12,6 +12,7 @@ use sarah_sim::sil::{SilConfig, SilError};
 use sarah_sim::world::{self, World};
 use thiserror::Error;
 
+use super::client::Client;
 use crate::task::judge::Pose;
 
 /// The host looks at the link this often, µs.
@@ -55,10 +56,7 @@ pub struct Slice {
 /// A simulated robot with a session open to it.
 pub struct SimRobot<W = Box<dyn World>> {
     world: W,
-    session: HostSession,
-    goal: Option<ParamSet>,
-    applied: ParamSet,
-    pending: Option<ParamSet>,
+    client: Client,
     want_armed: bool,
     armed: bool,
     asked_to_arm: bool,
@@ -77,10 +75,7 @@ impl<W: World> SimRobot<W> {
     pub fn over(world: W) -> SimRobot<W> {
         SimRobot {
             world,
-            session: HostSession::new(1),
-            goal: None,
-            applied: default_params(),
-            pending: None,
+            client: Client::new(HostSession::new(1), Some(default_params())),
             want_armed: false,
             armed: false,
             asked_to_arm: false,
@@ -100,7 +95,7 @@ impl<W: World> SimRobot<W> {
 
     /// Asks for a set. It takes force at a cycle boundary, in as many generations as its rate limits ask for.
     pub fn set_params(&mut self, goal: ParamSet) {
-        self.goal = Some(goal);
+        self.client.set_params(goal);
     }
 
     /// Asks for motion; repeated until the robot is ready for it.
@@ -115,7 +110,7 @@ impl<W: World> SimRobot<W> {
 
     /// Whether the last set asked for is in force.
     pub fn settled(&self) -> bool {
-        self.goal.is_none() && self.pending.is_none()
+        self.client.settled()
     }
 
     /// Simulation time, s since power-up.
@@ -165,24 +160,11 @@ impl<W: World> SimRobot<W> {
     }
 
     fn talk(&mut self) -> Result<(), LinkError> {
-        if self.pending.is_none()
-            && let Some(goal) = self.goal
-        {
-            if goal == self.applied {
-                self.goal = None;
-            } else {
-                let next = self.applied.towards(&goal);
-                // Refused only while another change is under way; asked again in the next slice.
-                if self.session.apply(&next).is_ok() {
-                    self.pending = Some(next);
-                }
-            }
-        }
         if self.want_armed && !self.armed && !self.asked_to_arm {
-            self.asked_to_arm = self.session.arm().is_ok();
+            self.asked_to_arm = self.client.session_mut().arm().is_ok();
         }
         let now_us = self.world.now_us();
-        while let Some(bytes) = self.session.poll(now_us) {
+        while let Some(bytes) = self.client.poll(now_us) {
             self.world.host_write(&bytes);
         }
         Ok(())
@@ -191,12 +173,11 @@ impl<W: World> SimRobot<W> {
     fn listen(&mut self) -> Result<Vec<Telemetry>, LinkError> {
         let bytes = self.world.host_read();
         let mut news = vec![];
-        self.session.on_bytes(self.world.now_us(), &bytes, &mut |item| news.push(item));
+        self.client.on_bytes(self.world.now_us(), &bytes, &mut news);
         let mut telemetry = vec![];
         for item in news {
             match item {
                 News::Telemetry(frame) => telemetry.push(frame),
-                News::Applied { .. } => self.applied = self.pending.take().unwrap_or(self.applied),
                 News::Done(Command::Arm { .. }) => self.armed = true,
                 // Not ready yet: the IMU still finds up, or a set is on its way. Asked again.
                 News::Refused(Command::Arm { .. }, Refusal::NotReady(_)) => self.asked_to_arm = false,

@@ -41,6 +41,11 @@ pub fn read_text(path: &Path) -> Result<String, RunError> {
     fs::read_to_string(path).map_err(RunError::io("read", path))
 }
 
+/// The bytes of a file that must be there.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, RunError> {
+    fs::read(path).map_err(RunError::io("read", path))
+}
+
 /// Removes what a killed [`write_atomic`] left in `folder`.
 pub(super) fn remove_leftovers(folder: &Path) -> Result<(), RunError> {
     for entry in fs::read_dir(folder).map_err(RunError::io("read", folder))? {

@@ -26,7 +26,7 @@ mod param_set;
 mod params;
 mod tensorboard;
 
-pub use atomic::{read_text, write_atomic};
+pub use atomic::{read_bytes, read_text, write_atomic};
 pub use error::RunError;
 pub use folder::{Layout, RunFolder};
 pub use info::{FORMAT, Revision, RunInfo, utc_now};

@@ -41,6 +41,11 @@ struct Run {
     until_s: f32,
 }
 
+/// Decisions in a full episode of a scenario.
+pub fn horizon(scenario: &Scenario) -> usize {
+    ((scenario.duration_s - scenario.settle_s) / DECISION_S).floor().max(1.0) as usize
+}
+
 impl RobotEnvironment {
     /// A world in which `lpg` is trained and everything else is as in `base`.
     pub fn new(config: SilConfig, scenario: Scenario, base: ParamSet, lpg: Lpg, form: RewardForm) -> Self {
@@ -49,7 +54,7 @@ impl RobotEnvironment {
 
     /// Decisions in a full episode.
     pub fn horizon(&self) -> usize {
-        ((self.scenario.duration_s - self.scenario.settle_s) / DECISION_S).floor().max(1.0) as usize
+        horizon(&self.scenario)
     }
 }
 

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::enaf::{EnafConfig, EnafError, Form};
+use crate::link::port::Target;
 use crate::task::reward::RewardForm;
 use sarah_sim::scenario::{Scenario, ScenarioError};
 use sarah_sim::sil::SilConfig;
@@ -56,6 +57,9 @@ pub struct TrainConfig {
     pub episodes: u32,
     /// What is trained, ours first.
     pub methods: Vec<Method>,
+    /// Port of the robot that is trained, as --link has it; without it the simulated one is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub link: Option<String>,
     /// Training scenario, by name or path.
     pub scenario: String,
     /// The scenario itself, as it was when the run began; a run's own record has it, so that a file edited later
@@ -87,6 +91,7 @@ impl Default for TrainConfig {
             seeds: 5,
             episodes: 120,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
+            link: None,
             scenario: "train".into(),
             scenario_as_run: None,
             reward: RewardForm::Gated,
@@ -144,6 +149,11 @@ impl TrainConfig {
         }
     }
 
+    /// What of it makes sense on a robot: one seed, the agent alone, nothing compared.
+    pub fn on_a_robot(self, link: &str) -> Self {
+        TrainConfig { link: Some(link.into()), seeds: 1, methods: vec![Method::Enaf], ..self }
+    }
+
     /// Reads and checks TOML; `file` is for messages.
     pub fn parse(file: &str, text: &str) -> Result<Self, ConfigError> {
         let config: TrainConfig = toml::from_str(text).map_err(|error| {
@@ -184,6 +194,12 @@ impl TrainConfig {
         unique.dedup();
         if unique.len() != self.methods.len() {
             return Err(ConfigError::Field { field: "methods", rule: "a list without repetition" });
+        }
+        if let Some(link) = &self.link {
+            link.parse::<Target>().map_err(|_| ConfigError::Field { field: "link", rule: "serial or serial:PATH" })?;
+            if self.methods != [Method::Enaf] || self.seeds != 1 {
+                return Err(ConfigError::Field { field: "methods and seeds", rule: "[\"enaf\"] and 1 on a robot" });
+            }
         }
         self.enaf.validate()?;
         self.train_scenario()?;

@@ -7,9 +7,11 @@
 //!  left in the folder:   config, metrics, checkpoints, params.toml, evaluation.json, figures, report.md
 //! ```
 //!
-//! - [`config`]: what a run does. [`session`]: one session with its checkpoint. [`outcome`]: judging and comparing.
+//! - [`config`]: what a run does. [`session`]: one session. [`journal`]: what it leaves on disk as it goes.
+//! - [`outcome`]: judging and comparing.
 
 pub mod config;
+pub mod journal;
 pub mod outcome;
 pub mod session;
 
@@ -17,12 +19,18 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::session::SessionError;
 use thiserror::Error;
 
 use crate::enaf::EnafError;
 use crate::evaluate::{EvaluateError, parallel};
+use crate::link::port::{self, PortError};
 use crate::link::sim::SimRobot;
+use crate::live;
+use crate::live::arming::Consent;
+use crate::live::trainer::Robot;
 use crate::progress::Progress;
+use crate::recording::RecordingError;
 use crate::run::{RunError, RunFolder, RunInfo, event_file, read_metrics};
 
 pub use config::{ConfigError, Method, TrainConfig};
@@ -79,6 +87,23 @@ pub enum TrainError {
         /// Why.
         why: String,
     },
+    /// The robot's port.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// Poses from outside.
+    #[error("cannot listen for poses at {address}: {source}; give --pose ADDRESS:PORT of this machine that is free")]
+    Poses {
+        /// Where.
+        address: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The robot's firmware.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The recording.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// A figure.
     #[error("{0}")]
     Figure(String),
@@ -108,28 +133,60 @@ impl Chain {
     }
 }
 
+/// What only a run on a robot needs: whether motion is allowed from the beginning, and another port to resume on.
+#[derive(Clone, Debug, Default)]
+pub struct Operator {
+    /// Arm when the robot stands, and again after every fall.
+    pub arm: bool,
+    /// Instead of the run's own port.
+    pub link: Option<String>,
+    /// Where poses from outside arrive.
+    pub pose: Option<String>,
+}
+
+impl Operator {
+    fn robot(&self, config: &TrainConfig) -> Result<Option<Robot>, TrainError> {
+        let Some(link) = self.link.as_ref().or(config.link.as_ref()) else { return Ok(None) };
+        let target = link.parse().map_err(|_| ConfigError::Field { field: "link", rule: "serial or serial:PATH" })?;
+        let consent = if self.arm { Consent::AfterFalls } else { Consent::Once };
+        Ok(Some(Robot { target, consent, arm: self.arm, pose: self.pose.clone() }))
+    }
+}
+
 /// A new run.
-pub fn train(config: &TrainConfig, out: &Path) -> Result<PathBuf, TrainError> {
+pub fn train(config: &TrainConfig, out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     config.validate()?;
     let config = &config.resolved().map_err(ConfigError::from)?;
-    // A robot that cannot be built is refused before anything is written.
-    let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
-    SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
+    let robot = operator.robot(config)?;
+    // A robot that cannot be built or reached is refused before anything is written.
+    match &robot {
+        Some(robot) => drop(port::open(&robot.target)?),
+        None => {
+            let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
+            SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
+        }
+    }
     let seeds = (config.seed..config.seed + config.seeds).collect();
     let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
     let folder = RunFolder::create(out, &config.to_toml()?, &info)?;
-    run(config, &folder, &info)
+    run(config, robot, &folder, &info)
 }
 
 /// Goes on with a run that was cut off; ends as it would have without the cut.
-pub fn resume(out: &Path) -> Result<PathBuf, TrainError> {
+pub fn resume(out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     let (folder, info) = RunFolder::resume(out)?;
     let path = folder.layout().config();
     let config = TrainConfig::parse(&path.display().to_string(), &crate::run::read_text(&path)?)?;
-    run(&config, &folder, &info)
+    if config.link.is_none() && operator.link.is_some() {
+        return Err(ConfigError::Field { field: "--link", rule: "left out: this run trains in simulation" }.into());
+    }
+    run(&config, operator.robot(&config)?, &folder, &info)
 }
 
-fn run(config: &TrainConfig, folder: &RunFolder, info: &RunInfo) -> Result<PathBuf, TrainError> {
+fn run(config: &TrainConfig, robot: Option<Robot>, folder: &RunFolder, info: &RunInfo) -> Result<PathBuf, TrainError> {
+    if let Some(robot) = robot {
+        return live::trainer::train(config, &robot, folder, info);
+    }
     let chains = (config.seeds * config.methods.len() as u64) as usize;
     let training = chains as u64 * 3 * u64::from(config.episodes);
     let progress = Progress::new(training + outcome::episodes(config));

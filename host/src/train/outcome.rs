@@ -95,6 +95,32 @@ pub fn judge(
     Ok(report)
 }
 
+/// What a run on a robot leaves: what was learned, and no judgement, because nobody pushes two controllers alike there.
+pub fn on_a_robot(
+    config: &TrainConfig,
+    folder: &RunFolder,
+    info: &RunInfo,
+    chain: &Chain,
+) -> Result<RunReport, TrainError> {
+    let set = chain.base(3);
+    let origin = Origin {
+        run: folder.layout().root().file_name().map(|name| name.to_string_lossy().into_owned()),
+        seed: Some(chain.seed),
+        revision: info.revision.clone(),
+        agent: Some(chain.method.name().to_owned()),
+    };
+    write_atomic(&folder.layout().params(), param_set_text(&set, Some(&origin)).as_bytes())?;
+    let report = RunReport {
+        info: info.clone(),
+        evaluations: vec![],
+        sessions: vec![],
+        parameters: parameters(config, std::slice::from_ref(chain), &set),
+        episode: None,
+    };
+    write_atomic(&folder.layout().evaluation(), &json(&report)?)?;
+    Ok(report)
+}
+
 /// Figures and text from a run's data. Reads everything it shows from the folder, except the report's own numbers.
 pub fn write_report(layout: &Layout, report: &RunReport) -> Result<(), TrainError> {
     let config_text = read_text(&layout.config())?;

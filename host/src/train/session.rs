@@ -1,16 +1,14 @@
-//! One training session of one method and seed: episode by episode, with a checkpoint that a kill cannot spoil.
+//! One training session of one method and seed, episode by episode.
 
-use std::path::PathBuf;
-
-use sarah_protocol::params::{Lpg, ParamSet, SPECS};
+use sarah_protocol::params::{Lpg, ParamSet};
 use serde::{Deserialize, Serialize};
 
 use super::TrainError;
 use super::config::{Method, TrainConfig};
+use super::journal::{Journal, Row};
 use crate::enaf::{EnafError, Policy, Trainer};
 use crate::evaluate::{Controller, run_episode};
-use crate::report::columns;
-use crate::run::{MetricsCsv, read_text, write_atomic};
+use crate::run::{read_text, write_atomic};
 use crate::search::{CmaEs, RandomSearch, Search, run_constant};
 use crate::task::action;
 use crate::task::environment::{BrokenWorld, RobotEnvironment};
@@ -22,22 +20,9 @@ use sarah_sim::sil::SilConfig;
 /// Seeds of validation lie here, between those of training and of judging.
 const VALIDATION_SEED: u64 = 1 << 59;
 
-/// Version of the checkpoint's layout.
-const CHECKPOINT_FORMAT: u32 = 1;
-
-#[derive(Serialize, Deserialize)]
-struct Checkpoint {
-    format: u32,
-    episodes: u32,
-    metrics_bytes: u64,
-    /// Episodes that the simulation spoilt.
-    broken: u32,
-    learner: Vec<u8>,
-}
-
 enum Learner {
     Enaf(Box<Trainer>),
-    Search { search: Box<dyn Search + Send>, journal: Vec<f32> },
+    Search { search: Box<dyn Search + Send>, told: Vec<f32> },
 }
 
 /// Where a session stands.
@@ -52,10 +37,7 @@ pub struct Session {
     validation_episodes: u32,
     env: RobotEnvironment,
     learner: Learner,
-    metrics: MetricsCsv,
-    checkpoint: PathBuf,
-    episodes: u32,
-    broken: u32,
+    journal: Journal,
 }
 
 /// What a finished session leaves to the next.
@@ -105,123 +87,69 @@ impl Session {
         let env = RobotEnvironment::new(config.robot.clone(), scenario.clone(), base, lpg, config.reward);
         // Sessions of one seed see different worlds, methods of one seed the same.
         let seed = seed * 10 + lpg as u64;
-        let checkpoint = folder.join("checkpoint.bin");
-        let saved = match std::fs::read(&checkpoint) {
-            Ok(bytes) => Some(decode(&checkpoint, &bytes)?),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(error) => return Err(TrainError::Read { path: checkpoint, source: error }),
-        };
+        let (journal, saved) = Journal::open(lpg, folder)?;
         let start = action::encode(&base, lpg);
         let budget = config.episodes as usize;
         let learner = match method {
             Method::Enaf | Method::EnafPaper => {
                 let enaf = crate::enaf::EnafConfig { horizon: env.horizon(), ..config.enaf_for(method) };
                 Learner::Enaf(Box::new(match &saved {
-                    Some(saved) => {
-                        Trainer::load(&enaf, &saved.learner).map_err(|error| unusable(&checkpoint, error))?
-                    }
+                    Some(saved) => Trainer::load(&enaf, saved).map_err(|error| journal.unusable(error))?,
                     None => Trainer::new(&enaf, observation::LEN, &start, seed)?,
                 }))
             }
             Method::CmaEs | Method::Random => {
-                let journal: Vec<f32> = match &saved {
-                    Some(saved) => {
-                        postcard::from_bytes(&saved.learner).map_err(|error| unusable(&checkpoint, error))?
-                    }
+                let told: Vec<f32> = match &saved {
+                    Some(saved) => postcard::from_bytes(saved).map_err(|error| journal.unusable(error))?,
                     None => vec![],
                 };
                 let search: Box<dyn Search + Send> = match method {
-                    Method::Random => Box::new(RandomSearch::new(&start, budget, seed, journal.clone())),
-                    _ => Box::new(CmaEs::new(&start, seed, journal.clone())),
+                    Method::Random => Box::new(RandomSearch::new(&start, budget, seed, told.clone())),
+                    _ => Box::new(CmaEs::new(&start, seed, told.clone())),
                 };
-                Learner::Search { search, journal }
+                Learner::Search { search, told }
             }
         };
-        let names = columns_of(lpg);
-        let metrics = MetricsCsv::open(
-            &folder.join("metrics.csv"),
-            &names.iter().map(String::as_str).collect::<Vec<_>>(),
-            saved.as_ref().map(|saved| saved.metrics_bytes),
-        )?;
-        let (episodes, broken) = saved.map_or((0, 0), |saved| (saved.episodes, saved.broken));
         let (robot, reward, validation_episodes) = (config.robot.clone(), config.reward, config.validation_episodes);
-        Ok(Session {
-            method,
-            lpg,
-            base,
-            seed,
-            scenario,
-            robot,
-            reward,
-            validation_episodes,
-            env,
-            learner,
-            metrics,
-            checkpoint,
-            episodes,
-            broken,
-        })
+        Ok(Session { method, lpg, base, seed, scenario, robot, reward, validation_episodes, env, learner, journal })
     }
 
     /// Episodes done.
     pub fn episodes(&self) -> u32 {
-        self.episodes
+        self.journal.episodes()
     }
 
     /// One more episode; its mean reward.
     pub fn episode(&mut self) -> Result<f32, TrainError> {
-        let reward = match &mut self.learner {
-            Learner::Enaf(trainer) => enaf_episode(trainer, &mut self.env, &mut self.broken).map(|log| {
-                let set = action::decode(&self.base, self.lpg, &log.mu_mean);
-                let learning = [log.loss, log.grad_norm, log.value_mean, log.sigma].map(f64::from);
-                let row = Row {
-                    episode: self.episodes,
-                    reward: log.reward_mean,
-                    fell: log.fell,
-                    noisy: log.noisy,
-                    decisions: log.decisions,
-                };
-                (row, Some(learning), set)
-            })?,
-            Learner::Search { search, journal } => {
+        let mut broken = 0;
+        let (row, set) = match &mut self.learner {
+            Learner::Enaf(trainer) => {
+                let log = enaf_episode(trainer, &mut self.env, &mut broken)?;
+                (Row::from(&log), action::decode(&self.base, self.lpg, &log.mu_mean))
+            }
+            Learner::Search { search, told } => {
                 let action = search.ask();
-                let horizon = self.env.horizon();
-                let done = search_episode(&mut self.env, &action, self.seed, self.episodes, horizon, &mut self.broken)?;
+                let (horizon, episode) = (self.env.horizon(), self.journal.episodes());
+                let done = search_episode(&mut self.env, &action, self.seed, episode, horizon, &mut broken)?;
                 search.tell(done.reward);
-                journal.push(done.reward);
-                let set = action::decode(&self.base, self.lpg, &action);
-                let row = Row {
-                    episode: self.episodes,
-                    reward: done.reward,
-                    fell: done.fell,
-                    noisy: true,
-                    decisions: done.decisions,
-                };
-                (row, None, set)
+                told.push(done.reward);
+                let (reward, fell, decisions) = (done.reward, done.fell, done.decisions);
+                let row = Row { reward, fell, noisy: true, decisions, learning: None };
+                (row, action::decode(&self.base, self.lpg, &action))
             }
         };
-        let (row, learning, set) = reward;
-        self.metrics.append(row.fields(learning, &set.values()[self.lpg.range()]))?;
-        self.episodes += 1;
+        self.journal.spoilt(broken);
+        self.journal.append(&row, &set)?;
         Ok(row.reward)
     }
 
     /// Makes everything so far outlive a kill.
     pub fn save(&mut self) -> Result<(), TrainError> {
-        self.metrics.sync()?;
         let learner = match &self.learner {
             Learner::Enaf(trainer) => trainer.save()?,
-            Learner::Search { journal, .. } => postcard::to_stdvec(journal).map_err(EnafError::from)?,
+            Learner::Search { told, .. } => postcard::to_stdvec(told).map_err(EnafError::from)?,
         };
-        let checkpoint = Checkpoint {
-            format: CHECKPOINT_FORMAT,
-            episodes: self.episodes,
-            metrics_bytes: self.metrics.len_bytes(),
-            broken: self.broken,
-            learner,
-        };
-        let bytes = postcard::to_stdvec(&checkpoint).map_err(EnafError::from)?;
-        Ok(write_atomic(&self.checkpoint, &bytes)?)
+        self.journal.save(learner)
     }
 
     /// What the session has come to. Its validation is kept beside the checkpoint, so that a resumed run need not
@@ -233,7 +161,7 @@ impl Session {
     pub fn trained(&self) -> Result<Trained, TrainError> {
         let mut trained = self.candidate();
         if self.method != Method::EnafPaper && trained.constants != self.base {
-            let path = self.checkpoint.with_file_name("validation.json");
+            let path = self.journal.beside("validation.json");
             let validation = if path.exists() {
                 let stored = |why: String| TrainError::Stored { path: path.clone(), why };
                 serde_json::from_str(&read_text(&path)?).map_err(|error| stored(error.to_string()))?
@@ -273,7 +201,7 @@ impl Session {
             }
             Learner::Search { search, .. } => (search.recommend(), None),
         };
-        Trained { constants: action::decode(&self.base, self.lpg, &constants), policy, broken: self.broken }
+        Trained { constants: action::decode(&self.base, self.lpg, &constants), policy, broken: self.journal.broken() }
     }
 }
 
@@ -315,60 +243,4 @@ fn search_episode(
             other => return other.map_err(|error| EnafError::Environment(error).into()),
         }
     }
-}
-
-struct Row {
-    episode: u32,
-    reward: f32,
-    fell: bool,
-    noisy: bool,
-    decisions: usize,
-}
-
-impl Row {
-    fn fields(&self, learning: Option<[f64; 4]>, params: &[f32]) -> Vec<Option<f64>> {
-        let mut fields = vec![
-            Some(f64::from(self.episode)),
-            Some(f64::from(self.episode + 1) * 30.0),
-            Some(f64::from(self.reward)),
-            Some(f64::from(u8::from(self.noisy))),
-            Some(f64::from(u8::from(self.fell))),
-            Some(self.decisions as f64),
-        ];
-        match learning {
-            Some(learning) => fields.extend(learning.map(Some)),
-            None => fields.extend([None; 4]),
-        }
-        fields.extend(params.iter().map(|value| Some(f64::from(*value))));
-        fields
-    }
-}
-
-fn columns_of(lpg: Lpg) -> Vec<String> {
-    let fixed = [
-        columns::EPISODE,
-        columns::TIME_S,
-        columns::REWARD,
-        columns::NOISY,
-        "fell",
-        "decisions",
-        "loss",
-        "grad_norm",
-        "value",
-        "sigma",
-    ];
-    fixed.iter().copied().chain(SPECS[lpg.range()].iter().map(|spec| spec.symbol)).map(String::from).collect()
-}
-
-fn unusable(path: &std::path::Path, why: impl ToString) -> TrainError {
-    TrainError::Learner { path: path.to_path_buf(), why: why.to_string() }
-}
-
-fn decode(path: &std::path::Path, bytes: &[u8]) -> Result<Checkpoint, TrainError> {
-    let damaged = || TrainError::Checkpoint { path: path.to_path_buf(), expected: CHECKPOINT_FORMAT };
-    let (format, _): (u32, _) = postcard::take_from_bytes(bytes).map_err(|_| damaged())?;
-    if format != CHECKPOINT_FORMAT {
-        return Err(damaged());
-    }
-    postcard::from_bytes(bytes).map_err(|_| damaged())
 }

@@ -1,0 +1,220 @@
+use sarah_firmware::default_params;
+use sarah_protocol::fixed::Q16;
+use sarah_sim::robot::Geometry;
+
+use super::*;
+use crate::task::odometry::Odometry;
+
+/// Between two telemetry frames, µs.
+const FRAME_US: u64 = 10_000;
+
+fn task() -> Task {
+    Task { lpg: Lpg::Knee, base: ParamSet::table_ii(), reward: RewardForm::Gated, horizon: 3, episodes: 2 }
+}
+
+/// A robot that does what its fields say, and the collector that hears it.
+struct Scene {
+    collector: Collector,
+    now_us: u64,
+    frame: Telemetry,
+    answers: bool,
+    done: Vec<Do>,
+}
+
+impl Scene {
+    fn new() -> Scene {
+        let mut frame = Telemetry { accel: [0, 0, 2048], loads: [800; 4], ..Telemetry::default() };
+        frame.mode = Mode::Braked;
+        let collector = Collector::new(
+            task(),
+            0,
+            PoseSource::new(Odometry::new(Geometry::load().expect("the robot's description"))),
+        );
+        Scene { collector, now_us: 0, frame, answers: true, done: vec![] }
+    }
+
+    fn hear(&mut self, what: What) {
+        let heard = Heard { at_us: self.now_us, what };
+        self.collector.heard(&heard, &mut self.done);
+    }
+
+    /// Runs for `seconds`; what was to be done meanwhile.
+    fn run(&mut self, seconds: f64) -> Vec<Do> {
+        let end_us = self.now_us + (seconds * 1e6) as u64;
+        let first = self.done.len();
+        while self.now_us < end_us {
+            self.now_us += FRAME_US;
+            self.frame.time_us = self.frame.time_us.wrapping_add(FRAME_US as u32);
+            let frame = self.frame;
+            self.hear(What::News(News::Telemetry(frame)));
+            self.tick();
+        }
+        self.done[first..].to_vec()
+    }
+
+    fn tick(&mut self) {
+        let mut out = vec![];
+        self.collector.tick(self.now_us, true, &mut out);
+        for item in out {
+            match &item {
+                Do::Ask(Ask::Arm) => {
+                    self.frame.mode = Mode::Armed;
+                    self.hear(What::News(News::Done(Command::Arm { boot_nonce: 1 })));
+                }
+                Do::Ask(Ask::Disarm | Ask::EStop) => self.frame.mode = Mode::Braked,
+                Do::Send(seen) if self.answers => self.answer(seen),
+                _ => {}
+            }
+            self.done.push(item);
+        }
+    }
+
+    fn answer(&mut self, seen: &Seen) {
+        let (episode, decision) = match seen {
+            Seen::Began { episode, .. } => (*episode, 0),
+            Seen::Went { episode, end: None, .. } => (*episode, self.decisions()),
+            _ => return,
+        };
+        let act = Act { episode, decision, action: vec![0.0; 3] };
+        assert!(self.collector.act(&act).is_some(), "{act:?} is in time");
+    }
+
+    fn decisions(&self) -> usize {
+        self.collector.acting.as_ref().map_or(0, |acting| acting.decision)
+    }
+
+    fn falls(&mut self) {
+        self.frame.lean = [Q16::from_f32(1.2), Q16::ZERO];
+        self.frame.accel = [1900, 0, 700];
+    }
+
+    fn stands(&mut self) {
+        self.frame.lean = [Q16::ZERO; 2];
+        self.frame.accel = [0, 0, 2048];
+    }
+}
+
+fn sent(done: &[Do]) -> Vec<&Seen> {
+    done.iter().filter_map(|item| if let Do::Send(seen) = item { Some(seen) } else { None }).collect()
+}
+
+fn asked(done: &[Do], ask: Ask) -> usize {
+    done.iter().filter(|item| **item == Do::Ask(ask)).count()
+}
+
+#[test]
+fn nothing_moves_and_no_episode_begins_without_a_word() {
+    let mut scene = Scene::new();
+    let done = scene.run(10.0);
+    assert_eq!((asked(&done, Ask::Arm), sent(&done).len()), (0, 0));
+    assert!(scene.collector.waiting_for().contains("arm (a)"));
+}
+
+#[test]
+fn an_episode_is_its_decisions_by_the_clock_and_ends_with_a_time_out() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    let done = scene.run(5.0);
+    let seen = sent(&done);
+    assert!(matches!(seen[0], Seen::Began { episode: 0, .. }));
+    let ends: Vec<_> = seen[1..4]
+        .iter()
+        .map(|seen| if let Seen::Went { end, reward, .. } = seen { (*end, *reward > 0.9) } else { panic!("{seen:?}") })
+        .collect();
+    assert_eq!(ends, [(None, true), (None, true), (Some(End::TimeOut), true)]);
+}
+
+#[test]
+fn as_many_episodes_as_the_session_has_and_no_more() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    let done = scene.run(30.0);
+    let begun = sent(&done).iter().filter(|seen| matches!(seen, Seen::Began { .. })).count();
+    assert_eq!(begun, 2);
+}
+
+#[test]
+fn a_robot_that_moves_is_neither_armed_nor_begun_with() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    scene.frame.gyro = [2000, 0, 0];
+    assert!(scene.run(5.0).is_empty());
+}
+
+#[test]
+fn a_fall_ends_the_episode_brakes_and_is_armed_again_only_if_that_was_allowed() {
+    for (consent, arms) in [(Consent::Once, 0), (Consent::AfterFalls, 1)] {
+        let mut scene = Scene::new();
+        scene.collector.allow(consent);
+        scene.run(2.5);
+        scene.falls();
+        let done = scene.run(1.0);
+        assert_eq!(asked(&done, Ask::Disarm), 1, "{consent:?}");
+        assert!(sent(&done).iter().any(|seen| matches!(seen, Seen::Went { end: Some(End::Fall), reward: 0.0, .. })));
+        assert_eq!(asked(&done, Ask::Arm), 0, "it lies");
+        scene.stands();
+        assert_eq!(asked(&scene.run(3.0), Ask::Arm), arms, "{consent:?}");
+    }
+}
+
+#[test]
+fn a_lost_link_spoils_the_episode_and_ends_the_word() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::AfterFalls);
+    scene.run(2.5);
+    scene.hear(What::Down { why: "pulled".into() });
+    assert!(scene.done.contains(&Do::Send(Seen::Spoilt { episode: 0 })));
+    // It balanced on, so training does too; but a fall now needs a word.
+    assert!(sent(&scene.run(3.0)).iter().any(|seen| matches!(seen, Seen::Began { episode: 0, .. })));
+    scene.falls();
+    scene.run(1.0);
+    scene.stands();
+    assert_eq!(asked(&scene.run(5.0), Ask::Arm), 0);
+}
+
+#[test]
+fn brakes_that_nobody_asked_for_end_the_word() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::AfterFalls);
+    scene.run(2.5);
+    scene.frame.mode = Mode::Braked;
+    let done = scene.run(5.0);
+    assert!(done.contains(&Do::Send(Seen::Spoilt { episode: 0 })));
+    assert_eq!(asked(&done, Ask::Arm), 0);
+}
+
+#[test]
+fn an_answer_that_is_too_late_is_never_taken_for_the_next_decision_s() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    scene.answers = false;
+    let done = scene.run(2.5);
+    assert!(done.contains(&Do::Send(Seen::Spoilt { episode: 0 })));
+    assert_eq!(scene.collector.counts(), Counts { spoilt: 1, late: 1 });
+    assert_eq!(scene.collector.act(&Act { episode: 0, decision: 1, action: vec![0.0; 3] }), None);
+}
+
+#[test]
+fn thin_telemetry_spoils_the_episode() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    scene.run(1.2);
+    for _ in 0..4 {
+        scene.now_us += 300_000;
+        let frame = scene.frame;
+        scene.hear(What::News(News::Telemetry(frame)));
+        scene.tick();
+    }
+    assert!(scene.done.contains(&Do::Send(Seen::Spoilt { episode: 0 })));
+}
+
+#[test]
+fn an_action_becomes_the_session_s_parameters_and_no_others() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    scene.answers = false;
+    scene.run(1.2);
+    let set = scene.collector.act(&Act { episode: 0, decision: 0, action: vec![1.0; 3] }).expect("in time");
+    assert_eq!(set.values()[3..], task().base.values()[3..]);
+    assert_ne!(set, default_params());
+}

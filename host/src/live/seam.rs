@@ -1,0 +1,44 @@
+//! What collector and predictor say to each other: whole messages, no shared state, nothing that needs one process.
+
+use serde::{Deserialize, Serialize};
+
+use crate::enaf::End;
+
+/// Collector to predictor.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Seen {
+    /// An episode begins; a first action is wanted.
+    Began {
+        /// Number of the episode, from 0 in each session.
+        episode: u64,
+        /// `[O]`.
+        observation: Vec<f32>,
+    },
+    /// The last action has been held for one decision.
+    Went {
+        /// The episode.
+        episode: u64,
+        /// `[O]`: what was seen of the decision.
+        observation: Vec<f32>,
+        /// What it earned.
+        reward: f32,
+        /// Whether the episode is over; otherwise another action is wanted.
+        end: Option<End>,
+    },
+    /// The episode is of no use to anybody.
+    Spoilt {
+        /// The episode.
+        episode: u64,
+    },
+}
+
+/// Predictor to collector: hold this action for the next decision.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Act {
+    /// The episode.
+    pub episode: u64,
+    /// The decision in it, from 0.
+    pub decision: usize,
+    /// `[A]`, in [-1, 1].
+    pub action: Vec<f32>,
+}
