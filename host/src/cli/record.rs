@@ -1,6 +1,5 @@
 //! `sarah record` and `sarah replay`.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -108,14 +107,9 @@ fn simulate(args: &RecordArgs, emulated: bool, path: &Path, stop: &AtomicBool) -
         rate_hz: args.rate.unwrap_or(RATE_HZ),
         episode,
     };
-    let about = About {
-        start_ns: 0,
-        values: BTreeMap::from([
-            ("link".into(), if emulated { "emulated".into() } else { "sim".into() }),
-            ("scenario".into(), args.scenario.clone()),
-            ("seed".into(), args.seed.to_string()),
-        ]),
-    };
+    let link = if emulated { "emulated" } else { "sim" };
+    let seed = args.seed.to_string();
+    let about = About::default().with("link", link).with("scenario", &args.scenario).with("seed", seed);
     let mut recorder = Recorder::create(path, about)?;
     let progress = Progress::counting(simulation.seconds.ceil() as u64, "seconds");
     let ended = simulation.record(&mut recorder, stop, &mut |_| progress.episode(None));
@@ -132,10 +126,9 @@ fn simulate(args: &RecordArgs, emulated: bool, path: &Path, stop: &AtomicBool) -
 
 fn listen(args: &RecordArgs, target: &Target, path: &Path, stop: &AtomicBool) -> Result<(), CliError> {
     let listening = Listening { target: target.clone(), rate_hz: args.rate, seconds: args.seconds };
-    let (link, start_ns) = listening.open()?;
-    let values =
-        BTreeMap::from([("link".into(), format!("serial:{}", link.health().port)), ("started".into(), utc_now())]);
-    let mut recorder = Recorder::create(path, About { start_ns, values })?;
+    let link = listening.open()?;
+    let about = About::now(link.now_us()).with("link", format!("serial:{}", link.health().port));
+    let mut recorder = Recorder::create(path, about.with("started", utc_now()))?;
     let bar = args.seconds.map(|seconds| Progress::counting(seconds.ceil() as u64, "seconds"));
     if bar.is_none() {
         eprintln!("recording {} into {}; Ctrl-C ends it", link.health().port, path.display());

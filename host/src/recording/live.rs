@@ -1,7 +1,7 @@
 //! Records a robot on a serial port, until told to stop. It only listens, unless another telemetry rate is asked for.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use sarah_protocol::host::Which;
 use sarah_protocol::session::News;
@@ -40,18 +40,11 @@ pub struct Going {
     pub up: bool,
 }
 
-/// The time now, ns since 1970.
-pub fn now_ns() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
-}
-
 impl Listening {
-    /// Opens the port; the time that goes with its clock's zero, ns since 1970.
-    pub fn open(&self) -> Result<(Link, u64), RecordingError> {
+    /// Opens the port.
+    pub fn open(&self) -> Result<Link, RecordingError> {
         let role = if self.rate_hz.is_some() { Role::Writer } else { Role::Observer };
-        let link = Link::open(&self.target, role)?;
-        let start_ns = now_ns().saturating_sub(link.now_us() * 1000);
-        Ok((link, start_ns))
+        Ok(Link::open(&self.target, role)?)
     }
 
     /// Records until the time is over or `stop` is set. `progress` is called once a second.

@@ -1,5 +1,7 @@
 //! Where something is: a position and a turn.
 
+use sarah_protocol::telemetry::Telemetry;
+
 /// Position and turn of a frame against another.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Pose {
@@ -34,6 +36,11 @@ impl Pose {
         Pose { turn_xyzw: [y / length, -x / length, 0.0, (1.0 + z) / length], ..Pose::HERE }
     }
 
+    /// Of a trunk that odometry puts at `position_m` and that leans as the robot says.
+    pub fn estimated(position_m: [f32; 3], telemetry: &Telemetry) -> Pose {
+        Pose { position_m: position_m.map(f64::from), ..Pose::leaning(lean(telemetry)) }
+    }
+
     /// A pose against this one, against what this one is against.
     pub fn then(&self, next: &Pose) -> Pose {
         let [ax, ay, az, aw] = self.turn_xyzw;
@@ -57,6 +64,11 @@ impl Pose {
         let [ox, oy, oz] = self.position_m;
         [ox + px + 2.0 * (y * tz - z * ty), oy + py + 2.0 * (z * tx - x * tz), oz + pz + 2.0 * (x * ty - y * tx)]
     }
+}
+
+/// Lean as the robot says, forward and to the left, rad.
+pub(super) fn lean(telemetry: &Telemetry) -> [f64; 2] {
+    telemetry.lean.map(|lean| f64::from(lean.to_f32()))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Seek, Write};
 use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use foxglove::messages::{FrameTransforms, JointStates, Log, SceneUpdate, Timestamp};
 use sarah_protocol::host::{Report, ToHost, VERSION};
@@ -24,12 +25,26 @@ use crate::link::live::{Heard, What};
 const TRANSFORMS_NS: u64 = 20_000_000;
 
 /// What a recording says of itself.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct About {
     /// The time of `at_us = 0`, ns since 1970; 0 for a simulated robot, whose time is its own.
     pub start_ns: u64,
     /// Names and values: where the robot is, the scenario, the seed.
     pub values: BTreeMap<String, String>,
+}
+
+impl About {
+    /// Of a robot whose link's clock stands at `now_us` at this moment.
+    pub fn now(now_us: u64) -> About {
+        let now_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+        About { start_ns: now_ns.saturating_sub(now_us.saturating_mul(1000)), ..About::default() }
+    }
+
+    /// With a value more.
+    pub fn with(mut self, name: &str, value: impl Into<String>) -> About {
+        self.values.insert(name.into(), value.into());
+        self
+    }
 }
 
 /// A recording being written.

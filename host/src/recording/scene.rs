@@ -10,7 +10,7 @@ use sarah_sim::robot::{Joint, RobotError};
 use sarah_sim::skeleton::{self, Link, Shape};
 
 use super::description::Description;
-use super::pose::Pose;
+use super::pose::{Pose, lean};
 
 /// The frame everything is in: x forward at power-up, z up, the ground at z = 0.
 pub const WORLD: &str = "world";
@@ -46,7 +46,7 @@ impl Scene {
     pub fn transforms(&self, at: Timestamp, telemetry: &Telemetry, trunk: Option<&Pose>) -> FrameTransforms {
         let mut poses = self.against_parents(telemetry);
         if let Some(first) = poses.first_mut() {
-            *first = trunk.copied().unwrap_or_else(|| Pose::leaning(telemetry.lean.map(|q| f64::from(q.to_f32()))));
+            *first = trunk.copied().unwrap_or_else(|| Pose::leaning(lean(telemetry)));
         }
         if trunk.is_none() {
             let lowest_m = self.lowest_m(&poses);

@@ -38,7 +38,7 @@ fn simulation(seconds: f64, lpg_rate_hz: u32) -> Simulation {
 }
 
 fn about() -> About {
-    About { start_ns: 0, values: BTreeMap::from([("link".into(), "sim".into())]) }
+    About::default().with("link", "sim")
 }
 
 fn run(simulation: &Simulation, path: &Path) -> Recorder {
@@ -300,8 +300,8 @@ fn a_robot_on_a_port_is_recorded_and_its_telemetry_replayed() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("port.mcap");
     let listening = Listening { target, rate_hz: Some(1000), seconds: Some(2.0) };
-    let (link, start_ns) = listening.open().expect("opens");
-    let mut recorder = Recorder::create(&path, About { start_ns, values: BTreeMap::new() }).expect("a new file");
+    let link = listening.open().expect("opens");
+    let mut recorder = Recorder::create(&path, About::now(link.now_us())).expect("a new file");
     let ended = listening.record(&link, &mut recorder, &AtomicBool::new(false), &mut |_| {}).expect("records");
     recorder.finish().expect("finishes");
     drop(link);

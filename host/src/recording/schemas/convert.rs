@@ -11,6 +11,7 @@ use sarah_protocol::telemetry::{Telemetry, faults};
 use super::{
     Attitude, Control, Faults, Gait, Generation, Imu, KneePhase, Limits, Link, Pads, Params, Raw, State, SwingPhase,
 };
+use crate::recording::pose::lean;
 use crate::task::observation::{acceleration_m_s2, loads_n, rate_rad_s};
 
 impl From<&Telemetry> for Imu {
@@ -32,7 +33,7 @@ impl From<&Telemetry> for Pads {
 
 impl From<&Telemetry> for Attitude {
     fn from(telemetry: &Telemetry) -> Attitude {
-        let [forward_rad, left_rad] = telemetry.lean.map(|lean| f64::from(lean.to_f32()));
+        let [forward_rad, left_rad] = lean(telemetry);
         Attitude { robot_time_us: telemetry.time_us, forward_rad, left_rad }
     }
 }
