@@ -83,14 +83,29 @@ impl Scene {
         self.collector.acting.as_ref().map_or(0, |acting| acting.decision)
     }
 
-    fn falls(&mut self) {
-        self.frame.lean = [Q16::from_f32(1.2), Q16::ZERO];
-        self.frame.accel = [1900, 0, 700];
+    /// Forward, by 1.2 rad in half a second; then it lies for half a second.
+    fn falls(&mut self) -> Vec<Do> {
+        let first = self.done.len();
+        self.turns(0.0, 1.2);
+        self.run(0.5);
+        self.done[first..].to_vec()
     }
 
+    fn turns(&mut self, from_rad: f32, to_rad: f32) {
+        let rate_rad_s = (to_rad - from_rad) / 0.5;
+        for step in 1..=50 {
+            let lean = from_rad + (to_rad - from_rad) * step as f32 / 50.0;
+            self.frame.lean = [Q16::from_f32(lean), Q16::ZERO];
+            self.frame.accel = [(-2048.0 * lean.sin()) as i16, 0, (2048.0 * lean.cos()) as i16];
+            self.frame.gyro = [0, (rate_rad_s.to_degrees() * 16.4) as i16, 0];
+            self.run(0.01);
+        }
+        self.frame.gyro = [0; 3];
+    }
+
+    /// Somebody puts it back on its feet.
     fn stands(&mut self) {
-        self.frame.lean = [Q16::ZERO; 2];
-        self.frame.accel = [0, 0, 2048];
+        self.turns(1.2, 0.0);
     }
 }
 
@@ -147,8 +162,7 @@ fn a_fall_ends_the_episode_brakes_and_is_armed_again_only_if_that_was_allowed() 
         let mut scene = Scene::new();
         scene.collector.allow(consent);
         scene.run(2.5);
-        scene.falls();
-        let done = scene.run(1.0);
+        let done = scene.falls();
         assert_eq!(asked(&done, Ask::Disarm), 1, "{consent:?}");
         assert!(sent(&done).iter().any(|seen| matches!(seen, Seen::Went { end: Some(End::Fall), reward: 0.0, .. })));
         assert_eq!(asked(&done, Ask::Arm), 0, "it lies");
@@ -167,7 +181,6 @@ fn a_lost_link_spoils_the_episode_and_ends_the_word() {
     // It balanced on, so training does too; but a fall now needs a word.
     assert!(sent(&scene.run(3.0)).iter().any(|seen| matches!(seen, Seen::Began { episode: 0, .. })));
     scene.falls();
-    scene.run(1.0);
     scene.stands();
     assert_eq!(asked(&scene.run(5.0), Ask::Arm), 0);
 }
