@@ -5,6 +5,7 @@
 //! knows another: they meet in [`Context`].
 
 pub mod adc;
+mod calendar;
 pub mod can;
 mod counter;
 pub mod divas;
@@ -13,6 +14,7 @@ pub mod dsu;
 pub mod eic;
 pub mod gclk;
 pub mod mclk;
+mod model;
 pub mod nvmctrl;
 pub mod osc32kctrl;
 pub mod oscctrl;
@@ -34,7 +36,10 @@ use crate::unit::{Unit, on_io_bus};
 use crate::violation::{Access, Kind};
 use crate::width::Width;
 
+pub use model::Model;
+
 use adc::Adc;
+use calendar::Calendar;
 use can::Can;
 use divas::Divas;
 use dmac::Dmac;
@@ -42,6 +47,7 @@ use dsu::Dsu;
 use eic::Eic;
 use gclk::Gclk;
 use mclk::Mclk;
+use model::notices;
 use nvmctrl::Nvmctrl;
 use osc32kctrl::Osc32kctrl;
 use oscctrl::Oscctrl;
@@ -59,40 +65,6 @@ use wdt::Wdt;
 /// Assumption: the data sheet gives no figure. An APB transfer has a setup and an access cycle, and the bridge registers
 /// the address.
 pub const APB_WAIT: u32 = 2;
-
-/// The behaviour of one peripheral.
-///
-/// `offset` is relative to the unit's base. Time passes only through [`Context::now`]; a model that acts later says so
-/// in [`Model::next_event`] and is then called by [`Model::advance`].
-pub trait Model {
-    /// A read of `width` at `offset`, aligned to `width`. Unused high bits of the result are ignored.
-    fn read(&mut self, offset: u32, width: Width, ctx: &mut Context) -> u32;
-
-    /// A write of `width` at `offset`, aligned to `width`. `value` has no bits beyond `width`.
-    fn write(&mut self, offset: u32, width: Width, value: u32, ctx: &mut Context);
-
-    /// When the model next acts by itself; asked after every other call. In the past means at once.
-    fn next_event(&self) -> Option<Cycles> {
-        None
-    }
-
-    /// [`Model::next_event`] has come: `ctx.now` is at or after it. Must move its next event into the future.
-    fn advance(&mut self, _ctx: &mut Context) {}
-
-    /// Whether [`Model::notice`] does anything.
-    const NOTICES: bool = false;
-
-    /// The outside has changed [`Context::wires`], or a clock model has changed [`Context::clocks`].
-    fn notice(&mut self, _ctx: &mut Context) {}
-
-    /// Any reset of the chip but a power-on: by default everything starts over. `self` is then as constructed.
-    fn reset(&mut self, _cause: Reset, _ctx: &mut Context)
-    where
-        Self: Default,
-    {
-        *self = Self::default();
-    }
-}
 
 /// All peripheral models of a chip.
 #[derive(Clone, Debug)]
@@ -135,144 +107,53 @@ pub struct Peripherals {
     pub eic: Eic,
     /// Divide and square root accelerator.
     pub divas: Divas,
-    /// When each unit's model acts next, by unit number.
-    due: [Cycles; Unit::COUNT],
-    /// The earliest of `due`.
-    next: Cycles,
+    calendar: Calendar,
 }
 
 /// Evaluates `$body` with `$model` bound to the model of `$unit`, or `$absent` if the unit is not modelled.
 macro_rules! with_model {
     ($self:ident, $unit:expr, $model:ident => $body:expr, else $absent:expr) => {
+        with_model!(of $unit, $model => $body, else $absent;
+            Can0: $self.can[0],
+            Can1: $self.can[1],
+            Adc0: $self.adc[0],
+            Adc1: $self.adc[1],
+            Dmac: $self.dmac,
+            Sercom0: $self.sercom[0],
+            Sercom1: $self.sercom[1],
+            Sercom2: $self.sercom[2],
+            Sercom3: $self.sercom[3],
+            Sercom4: $self.sercom[4],
+            Sercom5: $self.sercom[5],
+            Rstc: $self.rstc,
+            Dsu: $self.dsu,
+            Pm: $self.pm,
+            Supc: $self.supc,
+            Mclk: $self.mclk,
+            Gclk: $self.gclk,
+            Osc32kctrl: $self.osc32kctrl,
+            Oscctrl: $self.oscctrl,
+            Wdt: $self.wdt,
+            Nvmctrl: $self.nvmctrl,
+            Port: $self.port,
+            Tc0: $self.tc[0],
+            Tc1: $self.tc[1],
+            Tc2: $self.tc[2],
+            Tc3: $self.tc[3],
+            Tc4: $self.tc[4],
+            Tcc0: $self.tcc[0],
+            Tcc1: $self.tcc[1],
+            Tcc2: $self.tcc[2],
+            Eic: $self.eic,
+            Divas: $self.divas,
+        )
+    };
+    (of $unit:expr, $model:ident => $body:expr, else $absent:expr; $($name:ident: $place:expr,)*) => {
         match $unit {
-            Unit::Can0 => {
-                let $model = &mut $self.can[0];
+            $(Unit::$name => {
+                let $model = &mut $place;
                 $body
-            }
-            Unit::Can1 => {
-                let $model = &mut $self.can[1];
-                $body
-            }
-            Unit::Adc0 => {
-                let $model = &mut $self.adc[0];
-                $body
-            }
-            Unit::Adc1 => {
-                let $model = &mut $self.adc[1];
-                $body
-            }
-            Unit::Dmac => {
-                let $model = &mut $self.dmac;
-                $body
-            }
-            Unit::Sercom0 => {
-                let $model = &mut $self.sercom[0];
-                $body
-            }
-            Unit::Sercom1 => {
-                let $model = &mut $self.sercom[1];
-                $body
-            }
-            Unit::Sercom2 => {
-                let $model = &mut $self.sercom[2];
-                $body
-            }
-            Unit::Sercom3 => {
-                let $model = &mut $self.sercom[3];
-                $body
-            }
-            Unit::Sercom4 => {
-                let $model = &mut $self.sercom[4];
-                $body
-            }
-            Unit::Sercom5 => {
-                let $model = &mut $self.sercom[5];
-                $body
-            }
-            Unit::Rstc => {
-                let $model = &mut $self.rstc;
-                $body
-            }
-            Unit::Dsu => {
-                let $model = &mut $self.dsu;
-                $body
-            }
-            Unit::Pm => {
-                let $model = &mut $self.pm;
-                $body
-            }
-            Unit::Supc => {
-                let $model = &mut $self.supc;
-                $body
-            }
-            Unit::Mclk => {
-                let $model = &mut $self.mclk;
-                $body
-            }
-            Unit::Gclk => {
-                let $model = &mut $self.gclk;
-                $body
-            }
-            Unit::Osc32kctrl => {
-                let $model = &mut $self.osc32kctrl;
-                $body
-            }
-            Unit::Oscctrl => {
-                let $model = &mut $self.oscctrl;
-                $body
-            }
-            Unit::Wdt => {
-                let $model = &mut $self.wdt;
-                $body
-            }
-            Unit::Nvmctrl => {
-                let $model = &mut $self.nvmctrl;
-                $body
-            }
-            Unit::Port => {
-                let $model = &mut $self.port;
-                $body
-            }
-            Unit::Tc0 => {
-                let $model = &mut $self.tc[0];
-                $body
-            }
-            Unit::Tc1 => {
-                let $model = &mut $self.tc[1];
-                $body
-            }
-            Unit::Tc2 => {
-                let $model = &mut $self.tc[2];
-                $body
-            }
-            Unit::Tc3 => {
-                let $model = &mut $self.tc[3];
-                $body
-            }
-            Unit::Tc4 => {
-                let $model = &mut $self.tc[4];
-                $body
-            }
-            Unit::Tcc0 => {
-                let $model = &mut $self.tcc[0];
-                $body
-            }
-            Unit::Tcc1 => {
-                let $model = &mut $self.tcc[1];
-                $body
-            }
-            Unit::Tcc2 => {
-                let $model = &mut $self.tcc[2];
-                $body
-            }
-            Unit::Eic => {
-                let $model = &mut $self.eic;
-                $body
-            }
-            Unit::Divas => {
-                let $model = &mut $self.divas;
-                $body
-            }
+            })*
             _ => $absent,
         }
     };
@@ -300,8 +181,7 @@ impl Default for Peripherals {
             tcc: std::array::from_fn(Tcc::new),
             eic: Eic::default(),
             divas: Divas::default(),
-            due: [Cycles::NEVER; Unit::COUNT],
-            next: Cycles::NEVER,
+            calendar: Calendar::default(),
         }
     }
 }
@@ -349,7 +229,7 @@ impl Peripherals {
 
     /// When the first model acts by itself.
     pub fn next_event(&self) -> Cycles {
-        self.next
+        self.calendar.next()
     }
 
     /// A CPU store into non-volatile memory, which fills NVMCTRL's page buffer.
@@ -365,14 +245,14 @@ impl Peripherals {
     /// Lets every model act whose time has come.
     pub fn advance(&mut self, ctx: &mut Context) {
         for unit in Unit::ALL {
-            if self.due[unit as usize] <= ctx.now {
+            if self.calendar.due(unit) <= ctx.now {
                 ctx.unit = Some(unit);
                 with_model!(self, unit, model => {
                     model.advance(ctx);
                     let due = model.next_event();
                     self.schedule(unit, due, ctx);
                     // A model that stays due would stop the clock.
-                    debug_assert!(self.due[unit as usize] > ctx.now, "{} stays due", unit.name());
+                    debug_assert!(self.calendar.due(unit) > ctx.now, "{} stays due", unit.name());
                 }, else ());
             }
         }
@@ -451,25 +331,13 @@ impl Peripherals {
     /// Enters a model's next event into the calendar, and has the CPU look at the calendar again if it is now the first.
     #[inline]
     fn schedule(&mut self, unit: Unit, due: Option<Cycles>, ctx: &mut Context) {
-        let due = due.unwrap_or(Cycles::NEVER);
-        let before = std::mem::replace(&mut self.due[unit as usize], due);
-        if due < self.next {
-            self.next = due;
-            ctx.attention = true;
-        } else if before == self.next && due != before {
-            self.next = self.due.iter().copied().min().unwrap_or(Cycles::NEVER);
-        }
+        ctx.attention |= self.calendar.enter(unit, due);
     }
 
     fn finish(&mut self, ctx: &mut Context) {
         ctx.unit = None;
         ctx.access = None;
     }
-}
-
-/// Whether a model wants to know that wires or clocks have changed.
-const fn notices<M: Model>(_: &M) -> bool {
-    M::NOTICES
 }
 
 /// No model: nothing that the firmware would do with a made-up answer is worth emulating.
