@@ -5,11 +5,9 @@ use std::ops::Range;
 
 use crate::cpu::decode::Op;
 
-/// The decoded instructions of one memory. Costs no emulated time, whatever it holds.
+/// The decoded instructions of the memory that begins at `BASE`. Costs no emulated time, whatever it holds.
 #[derive(Clone)]
-pub(crate) struct Code {
-    /// First address of the memory.
-    base: u32,
+pub(crate) struct Code<const BASE: u32> {
     /// The instruction that begins at each halfword; [`Op::Unknown`] if it was not executed yet, or is watched.
     ops: Box<[Op]>,
     /// Whole words around everything that is known.
@@ -18,17 +16,17 @@ pub(crate) struct Code {
     watched: BTreeSet<u32>,
 }
 
-impl Code {
-    /// Nothing known yet of `size` bytes from `base` on.
-    pub fn new(base: u32, size: usize) -> Self {
+impl<const BASE: u32> Code<BASE> {
+    /// Nothing known yet of `size` bytes.
+    pub fn new(size: usize) -> Self {
         let ops = vec![Op::Unknown; size / 2].into_boxed_slice();
-        Code { base, ops, known: base..base, watched: BTreeSet::new() }
+        Code { ops, known: BASE..BASE, watched: BTreeSet::new() }
     }
 
     /// The instruction at `pc`; `None` outside the memory.
     #[inline(always)]
     pub fn at(&self, pc: u32) -> Option<&Op> {
-        self.ops.get((pc.wrapping_sub(self.base) >> 1) as usize)
+        self.ops.get((pc.wrapping_sub(BASE) >> 1) as usize)
     }
 
     /// Keeps what the instruction at `pc` is, until bytes of it change.
@@ -36,7 +34,7 @@ impl Code {
         if self.watched.contains(&pc) {
             return;
         }
-        if let Some(place) = self.ops.get_mut((pc.wrapping_sub(self.base) >> 1) as usize) {
+        if let Some(place) = self.ops.get_mut((pc.wrapping_sub(BASE) >> 1) as usize) {
             *place = op;
             let (first, end) = (pc & !3, (pc & !3) + 8);
             self.known = match self.known.is_empty() {
@@ -55,7 +53,7 @@ impl Code {
     /// Bytes have changed. The halfword before may begin a 32-bit instruction.
     #[cold]
     pub fn forget(&mut self, address: u32, length: usize) {
-        let at = address.wrapping_sub(self.base) as usize;
+        let at = address.wrapping_sub(BASE) as usize;
         let last = (at + length).div_ceil(2).min(self.ops.len());
         let first = (at / 2).saturating_sub(1).min(last);
         self.ops[first..last].fill(Op::Unknown);
@@ -64,7 +62,7 @@ impl Code {
     /// Everything may have changed.
     pub fn forget_all(&mut self) {
         self.ops.fill(Op::Unknown);
-        self.known = self.base..self.base;
+        self.known = BASE..BASE;
     }
 
     /// Halts execution before the instruction at `pc`, or no longer.
@@ -94,7 +92,7 @@ mod tests {
     #[test]
     fn a_write_to_either_half_of_an_instruction_makes_it_unknown() {
         for written in [BASE + 0x10, BASE + 0x12] {
-            let mut code = Code::new(BASE, 0x100);
+            let mut code = Code::<BASE>::new(0x100);
             code.keep(BASE + 0x10, Op::Nop);
             code.keep(BASE + 0x20, Op::Nop);
             assert!(code.is_known(written));
@@ -105,7 +103,7 @@ mod tests {
 
     #[test]
     fn writes_beside_the_code_are_none_of_its_business() {
-        let mut code = Code::new(BASE, 0x100);
+        let mut code = Code::<BASE>::new(0x100);
         assert!(!code.is_known(BASE));
         code.keep(BASE + 0x12, Op::Nop);
         assert!(!code.is_known(BASE + 0x0c) && code.is_known(BASE + 0x10));
@@ -114,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_watched_instruction_is_never_kept() {
-        let mut code = Code::new(BASE, 0x100);
+        let mut code = Code::<BASE>::new(0x100);
         code.keep(BASE + 4, Op::Nop);
         code.watch(BASE + 5, true);
         code.keep(BASE + 4, Op::Nop);
@@ -126,7 +124,7 @@ mod tests {
 
     #[test]
     fn outside_the_memory_there_is_nothing() {
-        let mut code = Code::new(BASE, 0x100);
+        let mut code = Code::<BASE>::new(0x100);
         assert_eq!((code.at(BASE - 2), code.at(BASE + 0x100)), (None, None));
         code.watch(0x100, true);
         code.keep(0x100, Op::Nop);

@@ -46,7 +46,7 @@ pub enum ReadMode {
 #[derive(Clone)]
 pub struct Nvm {
     /// What executes from the flash.
-    pub(crate) code: Code,
+    pub(crate) code: Code<0>,
     lines: [u32; CACHE_LINES],
     /// Bits of a line's number that choose its place in `lines`: none without cache.
     places: u32,
@@ -63,7 +63,7 @@ impl Default for Nvm {
     fn default() -> Self {
         let erased = |size| vec![0xff; size].into_boxed_slice();
         Nvm {
-            code: Code::new(0, FLASH_SIZE),
+            code: Code::new(FLASH_SIZE),
             lines: [NO_LINE; CACHE_LINES],
             places: CACHE_LINES as u32 - 1,
             miss: 0,

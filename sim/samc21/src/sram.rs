@@ -13,12 +13,12 @@ pub const SIZE: usize = 32 * 1024;
 #[derive(Clone)]
 pub struct Sram {
     bytes: Box<[u8; SIZE]>,
-    pub(crate) code: Code,
+    pub(crate) code: Code<BASE>,
 }
 
 impl Default for Sram {
     fn default() -> Self {
-        Sram { bytes: Box::new([0; SIZE]), code: Code::new(BASE, SIZE) }
+        Sram { bytes: Box::new([0; SIZE]), code: Code::new(SIZE) }
     }
 }
 
