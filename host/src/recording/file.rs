@@ -1,6 +1,6 @@
 //! An MCAP file that is readable up to the last second, whatever happens to the process or the disk.
 //!
-//! Messages gather in a chunk in memory; once a second it goes to the file as a whole. So the file is at any time a
+//! Messages gather in a chunk in memory; once a second (of the recording) it goes to the file as a whole. So the file is at any time a
 //! sequence of whole chunks with at most the last one cut off, and the first brings every topic with its schema.
 
 use std::collections::BTreeMap;
@@ -16,7 +16,8 @@ use mcap::{WriteOptions, Writer};
 
 use super::error::RecordingError;
 
-/// Longest time a message stays in memory, of either clock: the wall's and the recording's.
+/// Longest time a message stays in memory: by the recording's clock, and in real time by the wall's too. Simulated time
+/// knows no wall, or equal recordings would be cut into chunks differently.
 const FLUSH: Duration = Duration::from_secs(1);
 
 /// A topic for messages of one type.
@@ -32,6 +33,7 @@ pub(super) struct McapFile<W: Write + Seek = File> {
     path: PathBuf,
     writer: Writer<BufWriter<W>>,
     buffer: Vec<u8>,
+    real_time: bool,
     flushed: Instant,
     flushed_ns: u64,
     messages: u64,
@@ -58,10 +60,16 @@ impl<W: Write + Seek> McapFile<W> {
             path: path.to_path_buf(),
             writer: options.create(BufWriter::new(file)).map_err(RecordingError::writing(path))?,
             buffer: vec![],
+            real_time: false,
             flushed: Instant::now(),
             flushed_ns: 0,
             messages: 0,
         })
+    }
+
+    /// The recording's clock is the wall's.
+    pub(super) fn in_real_time(&mut self) {
+        self.real_time = true;
     }
 
     /// Declares a topic.
@@ -106,9 +114,9 @@ impl<W: Write + Seek> McapFile<W> {
         self.keep()
     }
 
-    /// Writes out what waits, if it has waited for a second. Call it also when there is nothing to write.
+    /// Writes out what waits, if it has waited for a second of real time. Call it also when there is nothing to write.
     pub(super) fn keep(&mut self) -> Result<(), RecordingError> {
-        if self.flushed.elapsed() >= FLUSH { self.flush() } else { Ok(()) }
+        if self.real_time && self.flushed.elapsed() >= FLUSH { self.flush() } else { Ok(()) }
     }
 
     /// Writes out what waits.

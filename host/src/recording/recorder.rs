@@ -109,6 +109,9 @@ impl<W: Write + Seek> Recorder<W> {
         {
             values.insert(name.into(), value);
         }
+        if start_ns != 0 {
+            file.in_real_time();
+        }
         file.about(values)?;
         let topics = Topics::declare(&mut file)?;
         let mut recorder =

@@ -1,6 +1,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -233,9 +233,14 @@ fn every_channel_decodes_with_its_own_schema() {
 }
 
 #[test]
-fn equal_seeds_make_equal_files() {
+fn equal_seeds_make_equal_files_however_long_they_take() {
     let (_a, first) = recorded(&simulation(1.0, 100));
-    let (_b, second) = recorded(&simulation(1.0, 100));
+    let folder = tempfile::tempdir().expect("a folder");
+    let second = folder.path().join("slow.mcap");
+    let mut recorder = Recorder::create(&second, about()).expect("a new file");
+    let slow = |_: f64| std::thread::sleep(Duration::from_millis(1_100));
+    simulation(1.0, 100).record(&mut recorder, &AtomicBool::new(false), &mut { slow }).expect("runs");
+    recorder.finish().expect("finishes");
     assert!(std::fs::read(first).expect("reads") == std::fs::read(second).expect("reads"));
 }
 
@@ -269,7 +274,7 @@ fn slower_telemetry_is_not_compared_and_says_so() {
     assert!(checked.to_string().contains("not compared: Factor and lean"), "{checked}");
 }
 
-/// The simulated robot on a serial port, in real time, until the other side is gone.
+/// The simulated robot on a serial port, in real time, until told to stop.
 fn on_a_port(mut near: TTYPort, stop: Arc<AtomicBool>) {
     let Simulation { config, episode, .. } = simulation(60.0, 1000);
     let default = sarah_firmware::default_params();
@@ -282,7 +287,11 @@ fn on_a_port(mut near: TTYPort, stop: Arc<AtomicBool>) {
             robot.host_write(&bytes[..count]);
         }
         robot.run_until(began.elapsed().as_micros() as u64);
-        near.write_all(&robot.host_read()).expect("the other side is open");
+        match near.write_all(&robot.host_read()) {
+            // Nobody reads fast enough: a serial line loses it.
+            Err(error) if error.kind() == ErrorKind::TimedOut => {}
+            written => written.expect("the other side is open"),
+        }
         std::thread::sleep(Duration::from_millis(1));
     }
 }
@@ -292,21 +301,22 @@ fn a_robot_on_a_port_is_recorded_and_its_telemetry_replayed() {
     let (near, far) = TTYPort::pair().expect("a pseudo-terminal");
     let target = Target::Path(far.name().expect("has a path"));
     drop(far);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("port.mcap");
+    let listening = Listening { target, rate_hz: Some(1000), seconds: Some(2.0) };
+    let link = listening.open().expect("opens");
+    // Only now: a pseudo-terminal whose other side nobody has opened takes nothing.
     let stop = Arc::new(AtomicBool::new(false));
     let robot = std::thread::spawn({
         let stop = stop.clone();
         move || on_a_port(near, stop)
     });
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("port.mcap");
-    let listening = Listening { target, rate_hz: Some(1000), seconds: Some(2.0) };
-    let link = listening.open().expect("opens");
     let mut recorder = Recorder::create(&path, About::now(link.now_us())).expect("a new file");
     let ended = listening.record(&link, &mut recorder, &AtomicBool::new(false), &mut |_| {}).expect("records");
     recorder.finish().expect("finishes");
-    drop(link);
     stop.store(true, Ordering::Relaxed);
     robot.join().expect("ran");
+    drop(link);
 
     assert!(ended.up && ended.frames > 200, "{ended:?}");
     let replayed = replay(&path, &mut |_| {}).expect("the same");
