@@ -36,9 +36,10 @@ impl Pose {
         Pose { turn_xyzw: [y / length, -x / length, 0.0, (1.0 + z) / length], ..Pose::HERE }
     }
 
-    /// Of a trunk that odometry puts at `position_m` and that leans as the robot says.
-    pub fn estimated(position_m: [f32; 3], telemetry: &Telemetry) -> Pose {
-        Pose { position_m: position_m.map(f64::from), ..Pose::leaning(lean(telemetry)) }
+    /// Of a trunk that odometry puts at `position_m`, heading `yaw_rad` to the left, and that leans as the robot says.
+    pub fn estimated(position_m: [f32; 3], yaw_rad: f32, telemetry: &Telemetry) -> Pose {
+        let heading = Pose { position_m: position_m.map(f64::from), ..Pose::turned([0.0, 0.0, 1.0], yaw_rad.into()) };
+        heading.then(&Pose::leaning(lean(telemetry)))
     }
 
     /// A pose against this one, against what this one is against.
@@ -75,6 +76,8 @@ pub(super) fn lean(telemetry: &Telemetry) -> [f64; 2] {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
+    use sarah_protocol::fixed::Q16;
+
     use super::*;
 
     fn close(a: [f64; 3], b: [f64; 3]) -> bool {
@@ -87,6 +90,14 @@ mod tests {
         assert!(close(about_z.point([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]));
         let there = Pose::moved([1.0, 0.0, 0.0], 2.0).then(&about_z).then(&Pose::moved([1.0, 0.0, 0.0], 1.0));
         assert!(close(there.point([0.0, 0.0, 3.0]), [2.0, 1.0, 3.0]));
+    }
+
+    #[test]
+    fn an_estimated_trunk_leans_towards_where_it_heads() {
+        let telemetry = Telemetry { lean: [Q16::lit(0.1), Q16::ZERO], ..Telemetry::default() };
+        let trunk = Pose::estimated([1.0, 2.0, 0.8], FRAC_PI_2 as f32, &telemetry);
+        let [x, y, z] = trunk.point([0.0, 0.0, 1.0]);
+        assert!((x - 1.0).abs() < 1e-6 && (y - 2.1).abs() < 1e-3 && (z - 1.795).abs() < 1e-3, "{x} {y} {z}");
     }
 
     #[test]
