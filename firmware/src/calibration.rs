@@ -94,15 +94,15 @@ pub struct Calibration {
     pub load: Option<[Channel; 4]>,
     /// Speed at a duty of [`PWM_PERIOD`], m/s or rad/s, above 1/16.
     pub full_speed: Q16,
-    /// Counts of duty per unit of speed, in steps of 2⁻¹⁶; from `full_speed`.
-    duty_per_speed: i64,
+    /// Counts of duty per step of speed, in steps of 2⁻³²; from `full_speed`.
+    duty_per_speed: u32,
 }
 
 impl Calibration {
     /// Both joints alike, all pads alike.
     pub const fn new(position: Channel, pad: Option<Channel>, full_speed: Q16) -> Calibration {
         assert!(full_speed.0 > Q16::ONE.0 / 16);
-        let duty_per_speed = ((PWM_PERIOD as i64) << 32) / full_speed.0 as i64;
+        let duty_per_speed = (((PWM_PERIOD as i64) << 32) / full_speed.0 as i64) as u32;
         let load = match pad {
             Some(pad) => Some([pad; 4]),
             None => None,
@@ -139,8 +139,8 @@ impl Calibration {
         match drive {
             Drive::Brake => Command::Brake,
             Drive::Velocity(speed) => {
-                let duty = (speed.abs().0 as i64 * self.duty_per_speed + (1 << 31)) >> 32;
-                let duty = if duty > PWM_PERIOD as i64 { PWM_PERIOD } else { duty as u16 };
+                let duty = product(speed.abs().0 as u32, self.duty_per_speed);
+                let duty = if duty > PWM_PERIOD as u32 { PWM_PERIOD } else { duty as u16 };
                 Command::Run { forward: speed.0 >= 0, duty }
             }
         }
@@ -156,6 +156,16 @@ impl Calibration {
             }
         }
     }
+}
+
+/// a · b / 2³², rounded to nearest. In halves: the chip multiplies 32 bits in one instruction, and calls a function of a
+/// hundred cycles for 64.
+const fn product(a: u32, b: u32) -> u32 {
+    let (high_a, low_a) = (a >> 16, a & 0xffff);
+    let (high_b, low_b) = (b >> 16, b & 0xffff);
+    let middle = high_a * low_b + (low_a * low_b >> 16);
+    let other = low_a * high_b + (middle & 0xffff);
+    high_a * high_b + (middle >> 16) + (other >> 16) + (other >> 15 & 1)
 }
 
 /// Half a newton a count; some counts below zero, for noise and drift.
@@ -202,6 +212,14 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_product_is_rounded_to_nearest(a in 0..=i32::MAX as u32, b: u32, shift in 0..32) {
+            for (a, b) in [(a, b), (a >> shift, b), (i32::MAX as u32, u32::MAX)] {
+                let exact = (u64::from(a) * u64::from(b) + (1 << 31)) >> 32;
+                prop_assert_eq!(u64::from(product(a, b)), exact);
+            }
+        }
+
         #[test]
         fn every_reading_survives_the_way_out_and_back(counts in 0..=ADC_MAX) {
             for node in ALL {

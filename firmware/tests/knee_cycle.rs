@@ -48,7 +48,7 @@ impl Rig {
             fall: &Fall::of(&PlainDivider, &KNEE, &self.motion),
             may_start: self.may_start,
         };
-        let out = self.knee.tick(&PlainDivider, &inputs, &params());
+        let out = self.knee.tick(&inputs, &params());
         for (position, drive) in self.position.iter_mut().zip(out.drive) {
             if let Drive::Velocity(v) = drive {
                 *position += v.to_f32() as f64 * self.dt_us as f64 * 1e-6;
@@ -329,7 +329,7 @@ proptest! {
                 may_start,
             };
             let before = (knee.cycle(), knee.steps());
-            let out = knee.tick(&PlainDivider, &inputs, &params());
+            let out = knee.tick(&inputs, &params());
             let moving: Vec<_> = out.drive.iter().filter_map(|d| match d {
                 Drive::Velocity(v) => Some(*v),
                 Drive::Brake => None,

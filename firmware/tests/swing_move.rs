@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use sarah_firmware::lpg::Drive;
 use sarah_firmware::lpg::rules::{ABDUCTOR, HIP, SwingRules};
-use sarah_firmware::lpg::swing::{Phase, Swing, SwingParams};
+use sarah_firmware::lpg::swing::{Phase, Sway, Swing, SwingParams};
 use sarah_protocol::bus::{GaitEvent, Motion, Side};
 use sarah_protocol::fixed::Q16;
 
@@ -23,9 +23,9 @@ fn falling(sagittal: f64, lateral: f64) -> Motion {
 }
 
 fn lifted(rules: SwingRules, leg: Side, motion: &Motion) -> Swing {
-    let mut swing = Swing::new(rules);
-    swing.on_gait(GaitEvent::CycleStart, leg, motion, &params());
-    swing.on_gait(GaitEvent::LiftOff, leg, motion, &params());
+    let (mut swing, sway) = (Swing::new(rules), Sway::of(&rules, motion));
+    swing.on_gait(GaitEvent::CycleStart, leg, &sway, &params());
+    swing.on_gait(GaitEvent::LiftOff, leg, &sway, &params());
     swing
 }
 
@@ -36,7 +36,7 @@ fn target(rules: SwingRules, leg: Side, motion: &Motion) -> f32 {
 #[test]
 fn nothing_moves_before_lift_off() {
     let mut swing = Swing::new(HIP);
-    swing.on_gait(GaitEvent::CycleStart, Side::Left, &falling(1.0, 0.0), &params());
+    swing.on_gait(GaitEvent::CycleStart, Side::Left, &Sway::of(&HIP, &falling(1.0, 0.0)), &params());
     assert_eq!(swing.phase(), Phase::Ready);
     assert_eq!(swing.tick(1_000, [Q16::ZERO; 2], &params()).0, [Drive::Brake; 2]);
 }
@@ -90,8 +90,8 @@ fn an_abductor_moves_outward_with_the_fall_and_a_little_against_it() {
 fn the_decision_is_made_once_per_cycle() {
     let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
     let decided = swing.target();
-    swing.on_gait(GaitEvent::Touchdown, Side::Left, &falling(3.0, 0.0), &params());
-    swing.on_gait(GaitEvent::LiftOff, Side::Left, &falling(3.0, 0.0), &params());
+    swing.on_gait(GaitEvent::Touchdown, Side::Left, &Sway::of(&HIP, &falling(3.0, 0.0)), &params());
+    swing.on_gait(GaitEvent::LiftOff, Side::Left, &Sway::of(&HIP, &falling(3.0, 0.0)), &params());
     assert_eq!(swing.target(), decided);
     assert_eq!(swing.phase(), Phase::Moving);
 }
@@ -108,7 +108,7 @@ fn the_leg_brakes_on_target() {
 fn touchdown_brakes_and_cycle_end_brakes() {
     for event in [GaitEvent::Touchdown, GaitEvent::CycleEnd] {
         let mut swing = lifted(HIP, Side::Left, &falling(1.0, 0.0));
-        swing.on_gait(event, Side::Left, &falling(1.0, 0.0), &params());
+        swing.on_gait(event, Side::Left, &Sway::of(&HIP, &falling(1.0, 0.0)), &params());
         assert_eq!(swing.tick(1_000, [Q16::ZERO; 2], &params()).0, [Drive::Brake; 2]);
     }
 }
@@ -137,7 +137,7 @@ proptest! {
                 lean: [Q16(fall[2]), Q16(fall[3])],
                 ..Motion::default()
             };
-            swing.on_gait(event, if left { Side::Left } else { Side::Right }, &motion, &params());
+            swing.on_gait(event, if left { Side::Left } else { Side::Right }, &Sway::of(&rules, &motion), &params());
             let (drive, _) = swing.tick(1_000, position.map(Q16), &params());
             if let Some(target) = swing.target() {
                 prop_assert!(target.abs() <= rules.reach);

@@ -29,7 +29,8 @@ use crate::tap::{Passing, Socket, Tap};
 const TICK: &str = "sarah_firmware::board::samc21::node::control_tick";
 /// Variables of an image.
 const SCAN: &str = "sarah_firmware::board::samc21::adc::RESULTS";
-const QUEUE: &str = "sarah_firmware::board::samc21::node::TO_NODE";
+/// The same, of the image's own crate.
+const QUEUE: &str = "::TO_NODE";
 
 /// What has been compared.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -165,13 +166,14 @@ impl Twin {
         let NodeConfig { default, end_stop, plausible, .. } = board.config(default_params(), 0);
         // Generic over the node: the name goes on with what it was made for.
         let tick = image.symbols.all().iter().find(|symbol| symbol.name.starts_with(TICK));
+        let queue = image.variables.all().iter().find(|symbol| symbol.name.ends_with(QUEUE));
         Ok(Twin {
             id,
             node: node::by_id(id, NodeConfig { default, boot_nonce: 0, end_stop, plausible }),
             entry: named(TICK, tick.map(|symbol| symbol.address))?,
             scan: named(SCAN, image.variables.address(SCAN))?,
             // The counters come first: sent, then taken.
-            taken_at: named(QUEUE, image.variables.address(QUEUE))? + 4,
+            taken_at: named(QUEUE, queue.map(|symbol| symbol.address))? + 4,
             taken: 0,
             ticks: 0,
             heard: VecDeque::new(),
@@ -230,7 +232,8 @@ impl Twin {
         self.ticks += 1;
         let count = |index: u32| chip.peek(self.scan + 2 * index, Width::Half).unwrap_or_default() as u16;
         let counts = Counts { position: [0, 1].map(count), load: [2, 3, 4, 5].map(count) };
-        let dt_us = chip.cpu().registers().r[2];
+        // The first argument.
+        let dt_us = chip.cpu().registers().r[0];
         tap.pass(chip.now().0 / 48, Station::Node(self.id), Passing::Tick { dt_us, counts: &counts });
         let calibration = calibration_of(self.id);
         let out = self.node.tick(dt_us, &calibration.sensors(&counts));

@@ -5,7 +5,6 @@ pub mod images;
 
 use sarah_firmware::default_params;
 use sarah_firmware::lpg::Drive;
-use sarah_firmware::lpg::factor::PlainDivider;
 use sarah_firmware::lpg::knee::Phase;
 use sarah_firmware::node::{KneeNode, NodeKind};
 use sarah_protocol::bus::{Mode, NodeId};
@@ -211,7 +210,7 @@ impl Bench {
     }
 
     /// The knee node.
-    pub fn knee(&self) -> &KneeNode<PlainDivider> {
+    pub fn knee(&self) -> &KneeNode {
         knee(&self.sil)
     }
 
@@ -232,7 +231,7 @@ impl Bench {
 }
 
 /// The knee node of a robot.
-pub fn knee(sil: &Sil) -> &KneeNode<PlainDivider> {
+pub fn knee(sil: &Sil) -> &KneeNode {
     match sil.node(NodeId::Knee) {
         NodeKind::Knee(node) => node,
         NodeKind::Swing(_) => unreachable!("the knee node is a knee node"),

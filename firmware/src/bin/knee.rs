@@ -3,23 +3,40 @@
 #![no_main]
 
 use sarah_firmware::board::samc21::divider::Divas;
-use sarah_firmware::board::samc21::node::{Board, Control};
+use sarah_firmware::board::samc21::node::{Board, Bus, Control, Place, ToNode};
+use sarah_firmware::board::samc21::queue::Queue;
 use sarah_firmware::board::samc21::vectors::interrupt;
-use sarah_firmware::board::samc21::wiring;
+use sarah_firmware::board::samc21::wiring::{self, NodeBoard};
 use sarah_firmware::lpg::rules;
-use sarah_firmware::node::KneeNode;
+use sarah_firmware::node::{KneeEar, KneeNode};
 
-static CONTROL: Control<KneeNode<Divas>> = Control::new();
+/// This image.
+enum Knee {}
+
+impl Place for Knee {
+    const BOARD: NodeBoard = wiring::KNEE;
+    type Ear = KneeEar<Divas>;
+    type Node = KneeNode;
+}
+
+static TO_NODE: ToNode<Knee> = ToNode::<Knee>::new(Queue::new());
+static CONTROL: Control<Knee> = Control::new();
 
 #[cortex_m_rt::interrupt]
 fn AC() {
-    CONTROL.on_interrupt();
+    // SAFETY: this is that handler.
+    unsafe { CONTROL.on_interrupt() }
+}
+
+#[embassy_executor::task]
+async fn bus(bus: Bus<Knee>) -> ! {
+    bus.serve().await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let mut board = Board::start(&wiring::KNEE);
+    let board = Board::start(&TO_NODE, |divider| KneeEar::new(rules::KNEE, divider));
     let config = board.config(sarah_firmware::default_params());
-    let node = KneeNode::new(config, rules::KNEE, board.divider());
-    board.run(node, &CONTROL)
+    let node = KneeNode::new(config, board.ear());
+    board.run(node, &CONTROL, |ends| bus(ends).expect("it is spawned once"))
 }

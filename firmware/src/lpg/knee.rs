@@ -17,7 +17,6 @@ use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::ParamSet;
 
 use super::Drive;
-use super::factor::{self, Divider, FACTOR_THRESHOLD_Q30};
 use super::fall::Fall;
 use super::rules::KneeRules;
 
@@ -152,86 +151,86 @@ impl Knee {
     }
 
     /// One control tick.
-    #[inline(never)]
-    pub fn tick<D: Divider>(&mut self, divider: &D, inputs: &KneeInputs, params: &KneeParams) -> KneeOutputs {
+    pub fn tick(&mut self, inputs: &KneeInputs, params: &KneeParams) -> KneeOutputs {
         let mut out = KneeOutputs::default();
         self.phase_us = self.phase_us.saturating_add(inputs.dt_us);
-        let loaded = inputs.load.map(|force| force > self.rules.loaded_n);
+        let [left, right] = inputs.load;
+        let loaded = [left > self.rules.loaded_n, right > self.rules.loaded_n];
 
-        if self.phase == Phase::Idle
-            && inputs.may_start
-            && let Some(swing) = self.start(loaded, inputs.fall)
-        {
-            self.swing = swing;
-            // `clamp` would panic on a range upside down, and with it the panic machinery would be linked into the tick.
-            let (shortest, longest) = self.rules.step;
-            self.step = factor::q30_to_q16(factor::step(divider, inputs.fall.factor_q30)).max(shortest).min(longest);
-            self.kick_height = self.rules.kick_fraction.times(self.step);
-            self.lifted = false;
-            self.airborne = false;
-            self.counted = false;
-            self.stepped_before = true;
-            self.cycle = self.cycle.wrapping_add(1);
-            self.enter(Phase::Kick);
+        if self.phase == Phase::Idle {
+            let start = if inputs.may_start { self.start(loaded, inputs.fall) } else { None };
+            let Some(swing) = start else {
+                // A foot that was still in the air when its leg came to rest lands now.
+                if self.airborne && loaded[self.swing as usize] {
+                    self.flags(true, true, &mut out);
+                }
+                return out;
+            };
+            self.begin(swing, inputs.fall.step);
             raise(&mut out, GaitEvent::CycleStart);
         }
-
         let leg = self.swing as usize;
-        let position = inputs.position[leg];
-        let grounded = loaded[leg];
-        let mut drive = Drive::Brake;
+        out.drive[leg] = self.stroke(loaded[leg], inputs.position[leg], inputs, params, &mut out);
+        out
+    }
 
+    /// A cycle begins.
+    fn begin(&mut self, swing: Side, step: Q16) {
+        self.swing = swing;
+        self.step = step;
+        self.kick_height = self.rules.kick_fraction.times(step);
+        self.lifted = false;
+        self.airborne = false;
+        self.counted = false;
+        self.stepped_before = true;
+        self.cycle = self.cycle.wrapping_add(1);
+        self.enter(Phase::Kick);
+    }
+
+    /// A tick within a cycle: what drives the swing leg, whose foot is `grounded`. A state that ends here hands over to
+    /// the next at once.
+    fn stroke(
+        &mut self,
+        grounded: bool,
+        position: Q16,
+        inputs: &KneeInputs,
+        params: &KneeParams,
+        out: &mut KneeOutputs,
+    ) -> Drive {
         if self.phase == Phase::Kick {
-            if position >= self.kick_height || self.passed(self.rules.kick_us, inputs.dt_us) {
-                self.enter(Phase::Retract);
-            } else {
-                drive = Drive::Velocity(params.kick);
+            if position < self.kick_height && !self.passed(self.rules.kick_us, inputs.dt_us) {
+                return Drive::Velocity(params.kick);
             }
+            self.enter(Phase::Retract);
         }
         if self.phase == Phase::Retract {
             let late = self.passed(self.rules.stroke_us, inputs.dt_us);
-            if position <= -self.step || late {
-                out.timed_out |= late;
-                self.enter(Phase::Extend);
-            } else {
-                drive = Drive::Velocity(-params.retract);
+            if position > -self.step && !late {
+                self.flags(grounded, false, out);
+                return Drive::Velocity(-params.retract);
             }
+            out.timed_out |= late;
+            self.enter(Phase::Extend);
         }
-        if self.phase == Phase::Extend {
-            let landed = grounded && self.lifted;
-            let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
-            let gap = -(position + self.rules.lead_margin);
-            // gap ≤ speed · lead, without a division; the right side has 31 bits.
-            let arrived = gap <= Q16::ZERO
-                || (gap.0 <= i32::MAX / 1_000_000 && gap.0 * 1_000_000 <= speed.scaled(self.rules.lead_us as i32, 0).0);
-            let late = self.passed(self.rules.stroke_us, inputs.dt_us);
-            let falling = landed && inputs.fall.brakes;
-            if arrived || late || falling {
-                out.timed_out |= late;
-                self.flags(grounded, true, &mut out);
-                self.enter(Phase::Idle);
-                raise(&mut out, GaitEvent::CycleEnd);
-                drive = Drive::Brake;
-            } else {
-                drive = Drive::Velocity(speed);
-            }
+        let landed = grounded && self.lifted;
+        let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
+        let late = self.passed(self.rules.stroke_us, inputs.dt_us);
+        self.flags(grounded, true, out);
+        let falling = landed && inputs.fall.brakes;
+        if !late && !falling && !within(-(position + self.rules.lead_margin), speed, self.rules.lead_us) {
+            return Drive::Velocity(speed);
         }
-        match self.phase {
-            Phase::Retract => self.flags(grounded, false, &mut out),
-            Phase::Extend => self.flags(grounded, true, &mut out),
-            // A foot that was still in the air when its leg came to rest lands now.
-            Phase::Idle if self.airborne && grounded => self.flags(true, true, &mut out),
-            Phase::Idle | Phase::Kick => {}
-        }
-        out.drive[leg] = drive;
-        out
+        out.timed_out |= late;
+        self.enter(Phase::Idle);
+        raise(out, GaitEvent::CycleEnd);
+        Drive::Brake
     }
 
     /// The leg to swing if a cycle starts now.
     fn start(&self, loaded: [bool; 2], fall: &Fall) -> Option<Side> {
         let rules = &self.rules;
         match loaded {
-            [true, true] if fall.factor_q30 > FACTOR_THRESHOLD_Q30 && self.phase_us >= rules.dwell_us => {
+            [true, true] if fall.starts && self.phase_us >= rules.dwell_us => {
                 let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
                 Some(match (fresh, fall.left) {
                     (false, _) => self.swing.other(),
@@ -273,7 +272,38 @@ impl Knee {
     }
 }
 
+/// Whether `speed` covers `gap` within `lead_us`: gap ≤ speed · lead / 1 s, without a division.
+fn within(gap: Q16, speed: Q16, lead_us: u32) -> bool {
+    const SECOND: i32 = 1_000_000;
+    if gap.0 <= 0 {
+        return true;
+    }
+    if gap.0 > i32::MAX / SECOND {
+        return false;
+    }
+    // Below 4 m/s and 8 ms the product has 31 bits, one multiplication of the chip's.
+    let (size, covered) = (speed.0 as u32, speed.0.wrapping_mul(lead_us as i32));
+    let covered = if size < 1 << 18 && lead_us < 1 << 13 { covered } else { speed.scaled(lead_us as i32, 0).0 };
+    gap.0 * SECOND <= covered
+}
+
 /// Four events are the most a tick can raise (start, lift-off, touchdown, end), so the push cannot fail.
 fn raise(out: &mut KneeOutputs, event: GaitEvent) {
     let _ = out.events.push(event);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    proptest::proptest! {
+        #[test]
+        fn within_is_a_division(gap: i32, speed: i32, shift in 0..32, lead_us in 0..20_000_u32) {
+            for (gap, speed) in [(gap, speed), (gap >> 20, speed >> shift), ((speed >> 13) / 200, speed >> 13)] {
+                let exact = i64::from(gap) * 1_000_000 <= i64::from(speed) * i64::from(lead_us);
+                let expected = gap <= 0 || gap <= i32::MAX / 1_000_000 && exact;
+                proptest::prop_assert_eq!(within(Q16(gap), Q16(speed), lead_us), expected, "{} {}", gap, speed);
+            }
+        }
+    }
 }

@@ -49,6 +49,23 @@ impl SwingParams {
     }
 }
 
+/// What LPG2 or LPG3 reads from the IMU: its own axis.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Sway {
+    /// Lean rate, low-passed, rad/s.
+    pub rate: Q16,
+    /// Lean, rad.
+    pub lean: Q16,
+}
+
+impl Sway {
+    /// From a motion message; [`SwingRules::axis`] is 0 or 1.
+    pub fn of(rules: &SwingRules, motion: &Motion) -> Sway {
+        let along = |axes: &[Q16; 2]| axes.get(rules.axis).copied().unwrap_or_default();
+        Sway { rate: along(&motion.slow_rate), lean: along(&motion.lean) }
+    }
+}
+
 /// Where the move is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[repr(u8)]
@@ -97,7 +114,7 @@ impl Swing {
     }
 
     /// A flag of LPG1.
-    pub fn on_gait(&mut self, event: GaitEvent, swing: Side, motion: &Motion, params: &SwingParams) {
+    pub fn on_gait(&mut self, event: GaitEvent, swing: Side, sway: &Sway, params: &SwingParams) {
         match (event, self.phase) {
             (GaitEvent::CycleStart, _) => {
                 self.leg = swing;
@@ -109,7 +126,7 @@ impl Swing {
             (GaitEvent::LiftOff, Phase::Ready | Phase::Held) => {
                 // A foot that bounces lifts again within the cycle: the move goes on, the decision stands.
                 if self.target.is_none() {
-                    self.target = Some(self.aim(motion, params));
+                    self.target = Some(self.aim(sway, params));
                 }
                 self.phase = if self.arrived { Phase::Held } else { Phase::Moving };
             }
@@ -139,12 +156,9 @@ impl Swing {
         (drive, timed_out)
     }
 
-    fn aim(&self, motion: &Motion, params: &SwingParams) -> Q16 {
+    fn aim(&self, sway: &Sway, params: &SwingParams) -> Q16 {
         let rules = &self.rules;
-        let (Some(&rate), Some(&lean)) = (motion.slow_rate.get(rules.axis), motion.lean.get(rules.axis)) else {
-            return Q16::ZERO;
-        };
-        let x = rate + params.lean_weight.times(lean);
+        let x = sway.rate + params.lean_weight.times(sway.lean);
         if x.abs() <= params.dead_band {
             return Q16::ZERO;
         }

@@ -1,10 +1,12 @@
 //! The knee node: LPG1, owner of the cycle and of the generation in force.
 
-use sarah_protocol::bus::{Gait, GaitEvent, Message, NodeId, limits};
+use sarah_protocol::bus::{Gait, GaitEvent, Message, Motion, NodeId, limits};
 use sarah_protocol::fixed::Q16;
+use sarah_protocol::params::ParamSet;
 
-use super::link::{NodeConfig, NodeLink, View};
-use super::{Node, Sensors};
+use super::heard::{Ear, Heard};
+use super::link::{NodeConfig, NodeLink, UNHEARD, View};
+use super::{Controller, Sensors};
 use crate::lpg::Drive;
 use crate::lpg::factor::Divider;
 use crate::lpg::fall::Fall;
@@ -14,35 +16,54 @@ use crate::lpg::rules::KneeRules;
 /// While idle the flags are repeated this often, so that a node that missed one catches up.
 pub const BEAT_PERIOD_US: u32 = 100_000;
 
-/// LPG1 on the bus.
+/// What LPG1 makes of the bus.
 #[derive(Clone, PartialEq, Debug)]
-pub struct KneeNode<D> {
-    link: NodeLink,
-    lpg: Knee,
-    params: KneeParams,
-    divider: D,
+pub struct KneeEar<D> {
     rules: KneeRules,
-    /// The newest motion message; `None` until the tick after it, so that hearing it and working it out share the time of
-    /// two ticks.
-    fall: Option<Fall>,
-    /// Generation to put into force at the next boundary.
-    activate: Option<u32>,
-    since_beat_us: u32,
+    divider: D,
 }
 
-impl<D: Divider> KneeNode<D> {
-    /// Braked and idle.
-    pub fn new(config: NodeConfig, rules: KneeRules, divider: D) -> Self {
-        let link = NodeLink::new(NodeId::Knee, config);
+impl<D> KneeEar<D> {
+    /// For a node with these rules.
+    pub const fn new(rules: KneeRules, divider: D) -> Self {
+        KneeEar { rules, divider }
+    }
+}
+
+impl<D: Divider> Ear for KneeEar<D> {
+    type Motion = Fall;
+    type Params = KneeParams;
+
+    fn motion(&self, motion: &Motion) -> Fall {
+        Fall::of(&self.divider, &self.rules, motion)
+    }
+
+    fn params(&self, set: &ParamSet) -> KneeParams {
+        KneeParams::from(set)
+    }
+}
+
+/// LPG1 on the bus.
+#[derive(Clone, PartialEq, Debug)]
+pub struct KneeNode {
+    link: NodeLink<KneeParams>,
+    /// Of the newest motion message.
+    fall: Fall,
+    lpg: Knee,
+    since_beat_us: u32,
+    /// Generation to put into force at the next boundary.
+    activate: Option<u32>,
+}
+
+impl KneeNode {
+    /// Braked and idle; hears with `ear`.
+    pub fn new<D: Divider>(config: NodeConfig, ear: &KneeEar<D>) -> Self {
         KneeNode {
-            fall: None,
-            link,
-            lpg: Knee::new(rules),
-            params: KneeParams::from(&config.default),
-            divider,
-            rules,
-            activate: None,
+            link: NodeLink::new(NodeId::Knee, &config, ear.params(&config.default)),
+            fall: ear.motion(&UNHEARD),
+            lpg: Knee::new(ear.rules),
             since_beat_us: 0,
+            activate: None,
         }
     }
 
@@ -53,7 +74,7 @@ impl<D: Divider> KneeNode<D> {
 
     /// Generation in force.
     pub fn generation(&self) -> u32 {
-        self.link.applied().0
+        self.link.generation()
     }
 
     fn say(&mut self, event: GaitEvent, say: &mut impl FnMut(Message)) {
@@ -62,51 +83,58 @@ impl<D: Divider> KneeNode<D> {
             event,
             swing: self.lpg.swing(),
             cycle: self.lpg.cycle(),
-            generation: self.link.applied().0,
+            generation: self.link.generation(),
         }));
+    }
+
+    /// At rest: a boundary, where a generation may come into force, and now and then a beat.
+    fn rest(&mut self, say: &mut impl FnMut(Message)) {
+        if let Some(generation) = self.activate.take()
+            && self.link.swap_to(generation)
+        {
+            self.say(GaitEvent::Boundary, say);
+        } else if self.since_beat_us >= BEAT_PERIOD_US {
+            self.say(GaitEvent::Beat, say);
+        }
     }
 }
 
-impl<D: Divider> Node for KneeNode<D> {
-    fn on_message(&mut self, message: &Message) -> Option<Message> {
-        match message {
-            Message::Activate(generation) if self.link.staged() == Some(*generation) => {
+impl Controller for KneeNode {
+    type Heard = Heard<Fall, KneeParams>;
+
+    fn take_in(&mut self, heard: &Self::Heard, say: &mut impl FnMut(Message)) {
+        match heard {
+            Heard::Motion(mode, fall) => {
+                self.fall = *fall;
+                self.link.moved(*mode);
+            }
+            Heard::Activate(generation) if self.link.staged() == Some(*generation) => {
                 self.activate = Some(*generation);
             }
-            Message::Motion(_) => self.fall = None,
-            _ => {}
+            other => self.link.take_in(other, say),
         }
-        self.link.on_message(message)
     }
 
     fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2] {
-        let position = self.link.begin(dt_us, sensors);
+        self.link.begin(dt_us, sensors);
         self.since_beat_us = self.since_beat_us.saturating_add(dt_us);
 
         if self.link.must_brake() && self.lpg.abort() {
             self.say(GaitEvent::CycleEnd, say);
         }
         if self.lpg.phase() == Phase::Idle {
-            if let Some(generation) = self.activate.take()
-                && self.link.swap_to(generation)
-            {
-                self.params = KneeParams::from(self.link.applied().1);
-                self.say(GaitEvent::Boundary, say);
-            } else if self.since_beat_us >= BEAT_PERIOD_US {
-                self.say(GaitEvent::Beat, say);
-            }
+            self.rest(say);
         }
 
-        let fall = *self.fall.get_or_insert_with(|| Fall::of(&self.divider, &self.rules, self.link.motion()));
         let [left_heel, left_toe, right_heel, right_toe] = sensors.load;
         let inputs = KneeInputs {
             dt_us,
             load: [left_heel + left_toe, right_heel + right_toe],
-            position,
-            fall: &fall,
+            position: self.link.position(),
+            fall: &self.fall,
             may_start: !self.link.must_brake() && self.link.fresh(),
         };
-        let mut decided = self.lpg.tick(&self.divider, &inputs, &self.params);
+        let mut decided = self.lpg.tick(&inputs, self.link.params());
         for event in &decided.events {
             self.say(*event, say);
         }
@@ -117,7 +145,7 @@ impl<D: Divider> Node for KneeNode<D> {
         if self.link.status_is_due() {
             let view = View {
                 phase: self.lpg.phase() as u8,
-                factor: fall.factor(),
+                factor: self.fall.factor,
                 steps: self.lpg.steps(),
                 cycle: self.lpg.cycle(),
             };

@@ -1,17 +1,28 @@
 //! What every node does alike: mode and halt, freshness, parameters, end stops, status.
 
-use sarah_protocol::bus::{Message, Mode, Motion, NodeId, Stage, Staged, Status, limits};
+use sarah_protocol::bus::{Message, Mode, Motion, NodeId, Staged, Status, limits};
 use sarah_protocol::fixed::Q16;
 use sarah_protocol::newer;
-use sarah_protocol::params::ParamSet;
+use sarah_protocol::params::{ParamError, ParamSet};
 
 use super::Sensors;
+use super::heard::Heard;
 use crate::lpg::Drive;
 
 /// IMU products older than this are no basis for motion: five samples at the slowest IMU rate.
 pub const MOTION_TIMEOUT_US: u32 = 50_000;
 /// Between two status messages.
 pub const STATUS_PERIOD_US: u32 = 10_000;
+/// What a node goes by until it hears of the trunk: it hangs still.
+pub const UNHEARD: Motion = Motion {
+    sequence: 0,
+    mode: Mode::Braked,
+    acceleration: Q16::lit(9.81),
+    rotation: Q16::ZERO,
+    rate: [Q16::ZERO; 2],
+    slow_rate: [Q16::ZERO; 2],
+    lean: [Q16::ZERO; 2],
+};
 
 /// What a node is born with.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -26,45 +37,39 @@ pub struct NodeConfig {
     pub plausible: Q16,
 }
 
-/// Shared state of a node.
+/// Shared state of a node with parameters `P`.
 #[derive(Clone, PartialEq, Debug)]
-pub struct NodeLink {
-    id: NodeId,
-    config: NodeConfig,
-    mode: Mode,
-    halted: bool,
-    motion: Motion,
-    motion_age_us: u32,
-    applied: (u32, ParamSet),
-    staged: Option<(u32, ParamSet)>,
-    since_status_us: u32,
+pub struct NodeLink<P> {
     /// Newest plausible positions.
     good: [Q16; 2],
+    plausible: Q16,
+    motion_age_us: u32,
+    since_status_us: u32,
     /// Reasons of this tick.
     limits: u16,
     /// Reasons since the last status message.
     reported: u16,
+    mode: Mode,
+    halted: bool,
+    id: NodeId,
+    boot_nonce: u16,
+    end_stop: Q16,
+    applied: (u32, P),
+    staged: Option<(u32, P)>,
 }
 
-impl NodeLink {
+impl<P: Copy> NodeLink<P> {
     /// Braked, with the built-in set, having heard nothing.
-    pub const fn new(id: NodeId, config: NodeConfig) -> NodeLink {
+    pub const fn new(id: NodeId, config: &NodeConfig, params: P) -> NodeLink<P> {
         NodeLink {
             id,
-            config,
+            boot_nonce: config.boot_nonce,
+            end_stop: config.end_stop,
+            plausible: config.plausible,
             mode: Mode::Braked,
             halted: false,
-            motion: Motion {
-                sequence: 0,
-                mode: Mode::Braked,
-                acceleration: Q16::lit(9.81),
-                rotation: Q16::ZERO,
-                rate: [Q16::ZERO; 2],
-                slow_rate: [Q16::ZERO; 2],
-                lean: [Q16::ZERO; 2],
-            },
             motion_age_us: u32::MAX,
-            applied: (0, config.default),
+            applied: (0, params),
             staged: None,
             since_status_us: STATUS_PERIOD_US,
             good: [Q16::ZERO; 2],
@@ -78,19 +83,24 @@ impl NodeLink {
         self.id
     }
 
-    /// Newest IMU products.
-    pub fn motion(&self) -> &Motion {
-        &self.motion
+    /// Generation in force.
+    pub fn generation(&self) -> u32 {
+        self.applied.0
     }
 
-    /// Generation in force and its set.
-    pub fn applied(&self) -> (u32, &ParamSet) {
-        (self.applied.0, &self.applied.1)
+    /// Parameters in force.
+    pub fn params(&self) -> &P {
+        &self.applied.1
     }
 
     /// Generation staged.
     pub fn staged(&self) -> Option<u32> {
         self.staged.as_ref().map(|(generation, _)| *generation)
+    }
+
+    /// Joint positions of this tick, implausible ones replaced.
+    pub fn position(&self) -> [Q16; 2] {
+        self.good
     }
 
     /// Brakes are due at once: never armed, disarmed, or halted.
@@ -108,44 +118,48 @@ impl NodeLink {
         self.limits |= reason;
     }
 
+    /// A motion message came.
+    pub fn moved(&mut self, mode: Mode) {
+        // The halt is unlatched only by motion messages that say braked: an armed one that was already under way when the
+        // halt went out must not release it.
+        if mode == Mode::Braked {
+            self.halted = false;
+        }
+        self.mode = mode;
+        self.motion_age_us = 0;
+    }
+
     /// The part of the bus traffic all nodes treat alike.
-    pub fn on_message(&mut self, message: &Message) -> Option<Message> {
-        match message {
-            Message::Halt(_) => {
-                self.halted = true;
-                None
-            }
-            Message::Motion(motion) => {
-                // The halt is unlatched only by motion messages that say braked: an armed one that was already under
-                // way when the halt went out must not release it.
-                if motion.mode == Mode::Braked {
-                    self.halted = false;
+    #[inline(never)]
+    pub fn take_in<M>(&mut self, heard: &Heard<M, P>, say: &mut impl FnMut(Message)) {
+        match heard {
+            Heard::Halt => self.halted = true,
+            Heard::Motion(mode, _) => self.moved(*mode),
+            Heard::Stage(generation, set) => {
+                if let Some(result) = self.stage(*generation, set) {
+                    say(Message::Staged(self.id, Staged { generation: *generation, result }));
                 }
-                self.mode = motion.mode;
-                self.motion = *motion;
-                self.motion_age_us = 0;
-                None
             }
-            Message::Stage(stage) => self.stage(stage),
-            _ => None,
+            Heard::Gait(_) | Heard::Activate(_) | Heard::Other => {}
         }
     }
 
-    fn stage(&mut self, stage: &Stage) -> Option<Message> {
-        let generation = stage.generation;
+    /// What to answer to a set, if anything.
+    fn stage(&mut self, generation: u32, set: &Result<P, ParamError>) -> Option<Result<(), ParamError>> {
         // What is in force stays in force: a late copy of it is acknowledged, anything older is ignored.
-        if generation != self.applied.0 {
-            if !newer(generation, self.applied.0) {
-                return None;
-            }
-            match ParamSet::new(stage.params) {
-                Ok(set) => self.staged = Some((generation, set)),
-                Err(error) => {
-                    return Some(Message::Staged(self.id, Staged { generation, result: Err(error) }));
-                }
-            }
+        if generation == self.applied.0 {
+            return Some(Ok(()));
         }
-        Some(Message::Staged(self.id, Staged { generation, result: Ok(()) }))
+        if !newer(generation, self.applied.0) {
+            return None;
+        }
+        Some(match set {
+            Ok(params) => {
+                self.staged = Some((generation, *params));
+                Ok(())
+            }
+            Err(error) => Err(*error),
+        })
     }
 
     /// Puts the staged set into force if it is `generation`. Call only between cycles.
@@ -164,18 +178,20 @@ impl NodeLink {
     }
 
     /// Start of a tick: ages, and the positions with implausible ones replaced.
-    #[inline(never)]
-    pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) -> [Q16; 2] {
+    pub fn begin(&mut self, dt_us: u32, sensors: &Sensors) {
         self.motion_age_us = self.motion_age_us.saturating_add(dt_us);
         self.since_status_us = self.since_status_us.saturating_add(dt_us);
         let mut limits = 0;
-        let ([left, right], most) = (sensors.position, self.config.plausible);
-        if left.abs() <= most {
+        let [left, right] = sensors.position;
+        let most = self.plausible.0 as u32;
+        // −most ≤ position ≤ most, both in one comparison.
+        let within = |position: Q16| (position.0 as u32).wrapping_add(most) <= 2 * most;
+        if within(left) {
             self.good[0] = left;
         } else {
             limits |= limits::SENSOR;
         }
-        if right.abs() <= most {
+        if within(right) {
             self.good[1] = right;
         } else {
             limits |= limits::SENSOR;
@@ -190,7 +206,6 @@ impl NodeLink {
             limits |= limits::COORDINATOR_LOST;
         }
         self.limits = limits;
-        self.good
     }
 
     /// Brakes what would pass the end of its range.
@@ -203,7 +218,7 @@ impl NodeLink {
     #[inline(never)]
     fn stop_moving(&mut self, drive: &mut [Drive; 2]) {
         for (drive, position) in drive.iter_mut().zip(self.good) {
-            let stop = self.config.end_stop;
+            let stop = self.end_stop;
             if let Drive::Velocity(speed) = *drive
                 && ((speed > Q16::ZERO && position >= stop) || (speed < Q16::ZERO && position <= -stop))
             {
@@ -235,7 +250,7 @@ impl NodeLink {
                 applied: self.applied.0,
                 staged: self.staged(),
                 limits,
-                boot_nonce: self.config.boot_nonce,
+                boot_nonce: self.boot_nonce,
             },
         )
     }

@@ -1,13 +1,15 @@
 //! One node: a pattern generator, its parameters, and its place on the bus.
 //!
+//! - [`heard`]: what a message says to a node, worked out when it comes in.
 //! - [`link`]: what every node does alike: mode and halt, freshness of the IMU products, staged and applied parameters,
 //!   end stops, status.
 //! - [`knee`]: the node of LPG1; owns the cycle and the generation in force.
 //! - [`swing`]: the node of LPG2 or LPG3; follows the knee's flags.
 //!
-//! A node is driven by two calls: [`Node::on_message`] for what came over the bus, [`Node::control`] at the control rate.
-//! Neither blocks nor allocates; parsing never happens in the tick.
+//! An image runs a node in two parts: an [`Ear`] in thread mode, a [`Controller`] in the tick. The simulator runs both as
+//! one [`Node`]. Neither blocks nor allocates; parsing never happens in the tick.
 
+pub mod heard;
 pub mod knee;
 pub mod link;
 pub mod swing;
@@ -20,9 +22,10 @@ use crate::lpg::Drive;
 use crate::lpg::factor::PlainDivider;
 use crate::lpg::rules;
 
-pub use knee::KneeNode;
+pub use heard::Ear;
+pub use knee::{KneeEar, KneeNode};
 pub use link::NodeConfig;
-pub use swing::SwingNode;
+pub use swing::{SwingEar, SwingNode};
 
 /// What the node's own sensors say.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -42,31 +45,33 @@ pub struct Outputs {
     pub messages: Vec<Message, 8>,
 }
 
-/// What the firmware images and the simulator run.
-pub trait Node {
-    /// A message from the bus; the answer, if it asks for one.
-    fn on_message(&mut self, message: &Message) -> Option<Message>;
+/// The part of a node that runs in the control tick.
+pub trait Controller {
+    /// What its [`Ear`] gives it.
+    type Heard: Copy;
+
+    /// Takes in what a message said. Answers go to `say`.
+    fn take_in(&mut self, heard: &Self::Heard, say: &mut impl FnMut(Message));
+
     /// One control tick, `dt_us` after the last: commands for the \[left, right\] actuator. Messages for the bus go to
     /// `say`, in order, and need no room in between.
     fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2];
-
-    /// The same for those who want the messages in hand.
-    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
-        let mut messages = Vec::new();
-        let drive = self.control(dt_us, sensors, &mut |message| {
-            // Eight slots hold everything one tick can raise; a message beyond is repeated by the next beat or status.
-            let _ = messages.push(message);
-        });
-        Outputs { drive, messages }
-    }
 }
 
-/// The node that belongs to `id`, as the simulator runs it; the images name theirs directly.
+/// A whole node.
+pub trait Node {
+    /// A message from the bus; the answer, if it asks for one.
+    fn on_message(&mut self, message: &Message) -> Option<Message>;
+    /// One control tick, `dt_us` after the last.
+    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs;
+}
+
+/// The node that belongs to `id`, as the simulator runs it; the images name the parts of theirs directly.
 pub fn by_id(id: NodeId, config: NodeConfig) -> NodeKind {
     match id {
-        NodeId::Knee => NodeKind::Knee(KneeNode::new(config, rules::KNEE, PlainDivider)),
-        NodeId::Hip => NodeKind::Swing(SwingNode::new(id, config, rules::HIP)),
-        NodeId::Abductor => NodeKind::Swing(SwingNode::new(id, config, rules::ABDUCTOR)),
+        NodeId::Knee => NodeKind::Knee(KneeNode::new(config, &knee_ear())),
+        NodeId::Hip => NodeKind::Swing(SwingNode::new(config, &SwingEar::HIP)),
+        NodeId::Abductor => NodeKind::Swing(SwingNode::new(config, &SwingEar::ABDUCTOR)),
     }
 }
 
@@ -74,23 +79,39 @@ pub fn by_id(id: NodeId, config: NodeConfig) -> NodeKind {
 #[derive(Clone, Debug)]
 pub enum NodeKind {
     /// LPG1.
-    Knee(KneeNode<PlainDivider>),
+    Knee(KneeNode),
     /// LPG2 or LPG3.
     Swing(SwingNode),
 }
 
+const fn knee_ear() -> KneeEar<PlainDivider> {
+    KneeEar::new(rules::KNEE, PlainDivider)
+}
+
 impl Node for NodeKind {
     fn on_message(&mut self, message: &Message) -> Option<Message> {
+        let mut answer = None;
+        let mut say = |message| answer = Some(message);
         match self {
-            NodeKind::Knee(node) => node.on_message(message),
-            NodeKind::Swing(node) => node.on_message(message),
+            NodeKind::Knee(node) => node.take_in(&knee_ear().hear(message), &mut say),
+            NodeKind::Swing(node) => {
+                let ear = if node.id() == NodeId::Hip { SwingEar::HIP } else { SwingEar::ABDUCTOR };
+                node.take_in(&ear.hear(message), &mut say);
+            }
         }
+        answer
     }
 
-    fn control(&mut self, dt_us: u32, sensors: &Sensors, say: &mut impl FnMut(Message)) -> [Drive; 2] {
-        match self {
-            NodeKind::Knee(node) => node.control(dt_us, sensors, say),
-            NodeKind::Swing(node) => node.control(dt_us, sensors, say),
-        }
+    fn tick(&mut self, dt_us: u32, sensors: &Sensors) -> Outputs {
+        let mut messages = Vec::new();
+        let mut say = |message| {
+            // Eight slots hold everything one tick can raise; a message beyond is repeated by the next beat or status.
+            let _ = messages.push(message);
+        };
+        let drive = match self {
+            NodeKind::Knee(node) => node.control(dt_us, sensors, &mut say),
+            NodeKind::Swing(node) => node.control(dt_us, sensors, &mut say),
+        };
+        Outputs { drive, messages }
     }
 }

@@ -88,6 +88,7 @@ impl Scanner {
     }
 
     /// Starts a scan.
+    #[inline]
     pub fn begin(&mut self) {
         // SAFETY: the transfer of `start`; see there.
         unsafe { self.dma.restart() };
@@ -95,7 +96,7 @@ impl Scanner {
     }
 
     /// The scan begun last, or the one before if it is not finished.
-    #[inline(never)]
+    #[inline]
     pub fn collect(&mut self, calibration: &Calibration) -> &Sensors {
         if self.dma.is_done() {
             // SAFETY: the scan is done, so nothing writes the buffer until the next begins.

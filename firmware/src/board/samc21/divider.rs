@@ -2,7 +2,7 @@
 //! division takes hundreds.
 //!
 //! The unit has one set of registers, so a division cut short by another would be wrong. There is one [`Divas`], owned
-//! by the control task; nothing else in an image divides with it.
+//! by the knee's ear, in the bus task; nothing else in an image divides with it.
 
 use super::regs::divas::*;
 use crate::lpg::factor::Divider;

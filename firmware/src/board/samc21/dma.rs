@@ -123,8 +123,11 @@ impl Channel {
     /// As for [`Channel::start`].
     pub unsafe fn restart(&mut self) {
         self.with(|dmac| {
-            dmac.write_chctrla(ChCtrlA::ZERO);
-            while dmac.read_chctrla().enable() {}
+            // One that is done has stopped by itself.
+            if dmac.read_chctrla().enable() {
+                dmac.write_chctrla(ChCtrlA::ZERO);
+                while dmac.read_chctrla().enable() {}
+            }
             dmac.write_chintflag(ChInterrupts::ZERO.with_terr(true).with_tcmpl(true).with_susp(true));
             dmac.write_chctrla(ChCtrlA::ZERO.with_enable(true));
         });

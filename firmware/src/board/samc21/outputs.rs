@@ -59,23 +59,23 @@ impl Outputs {
     }
 
     /// Drives \[left, right\]; in effect at the end of the period.
-    #[inline(never)]
+    #[inline]
     pub fn set(&mut self, drive: &[Drive; 2], calibration: &Calibration) {
         if self.now[0] != drive[0] {
             self.now[0] = drive[0];
-            put(0, calibration.command(drive[0]));
+            put(0, drive[0], calibration);
         }
         if self.now[1] != drive[1] {
             self.now[1] = drive[1];
-            put(1, calibration.command(drive[1]));
+            put(1, drive[1], calibration);
         }
     }
 }
 
 #[inline(never)]
-fn put(side: usize, command: Command) {
+fn put(side: usize, drive: Drive, calibration: &Calibration) {
     let mut tcc = tcc();
-    let (duty, coil) = match command {
+    let (duty, coil) = match calibration.command(drive) {
         Command::Brake => (0, 0),
         Command::Run { forward, duty } => {
             if let Some(wire) = DIRECTION.get(side) {
