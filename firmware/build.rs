@@ -12,18 +12,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     if std::env::var("CARGO_CFG_TARGET_OS")? == "none" {
         let chosen = |feature: &str| std::env::var_os(feature).is_some();
         if chosen("CARGO_FEATURE_SAMC21") {
-            layout(&out, &[("samc21/memory.x", "board.x"), ("samc21/device.x", "device.x")])?;
+            let files = [("samc21/memory.x", "board.x"), ("samc21/device.x", "device.x"), ("samc21/fast.x", "fast.x")];
+            layout(&out, &files, &["knee", "hip", "abductor"])?;
         } else if chosen("CARGO_FEATURE_SAME54") {
             // The vector names come with the HAL.
-            layout(&out, &[("same54/memory.x", "board.x")])?;
+            layout(&out, &[("same54/memory.x", "board.x")], &[])?;
         }
     }
     Ok(())
 }
 
-/// Memory map (for the `memory.x` of the workspace) and vector names where the scripts look for them. The arguments are given here and not in
-/// `.cargo/config.toml`, so that a `RUSTFLAGS` in the environment cannot make an image that does not start.
-fn layout(out: &Path, files: &[(&str, &str)]) -> Result<(), Box<dyn Error>> {
+/// Memory map (for the `memory.x` of the workspace), vector names and what lies in RAM of the `fast` images, where the
+/// linker looks for them. The arguments are given here and not in `.cargo/config.toml`, so that a `RUSTFLAGS` in the
+/// environment cannot make an image that does not start.
+fn layout(out: &Path, files: &[(&str, &str)], fast: &[&str]) -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/board");
     for (from, to) in files {
         let from = root.join(from);
@@ -32,6 +34,9 @@ fn layout(out: &Path, files: &[(&str, &str)]) -> Result<(), Box<dyn Error>> {
     }
     println!("cargo::rerun-if-changed={}", Path::new(env!("CARGO_MANIFEST_DIR")).join("../memory.x").display());
     println!("cargo::rustc-link-search={}", out.display());
+    for image in fast {
+        println!("cargo::rustc-link-arg-bin={image}=-Tfast.x");
+    }
     for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
         println!("cargo::rustc-link-arg-bins={argument}");
     }

@@ -2,16 +2,16 @@
 //! `cargo run -p sarah-sim --example tick -- <ELF> [<ELF> …]`.
 //!
 //! Each node image runs alone on an emulated chip for two seconds: motion messages at 1 kHz, for hips and abductors the
-//! knee's flags, inputs that move. Counted is what the chip is awake for in interrupts from the tick's entry until it is
-//! back in thread mode: wake-up, scan, node, actuators, queues. What the bus task and housekeeping take is not: for that
-//! see the awake cycles of emulated evaluations.
+//! knee's flags, inputs that move. A tick is all that the chip is awake for in interrupts from the tick's interrupt until
+//! it is back in thread mode: wake-up, scan, node, actuators, queues. What the chip is awake for from one tick to the next
+//! has the bus task and housekeeping besides.
 
 use std::collections::BTreeMap;
 use std::error::Error;
 
 use samc21::pins::{PA, PB};
 use samc21::wires::{CanEvent, CanFrame};
-use samc21::{Chip, Cycles, Image, Stop};
+use samc21::{Chip, Cycles, Image};
 use sarah_protocol::bus::{Gait, GaitEvent, Message, Mode, Motion, Side};
 use sarah_protocol::fixed::Q16;
 
@@ -21,8 +21,8 @@ const SUPPLY: f32 = 3.3;
 const PULLED_DOWN: [(usize, u8); 4] = [(PA, 20), (PA, 21), (PB, 30), (PB, 31)];
 /// Inputs of ADC0, in the order of the scan: two positions, four pads.
 const INPUTS: [usize; 6] = [2, 3, 8, 9, 10, 11];
-/// Cycles from an interrupt to its first instruction.
-const ENTRY: u64 = 15;
+/// Exception of TC4.
+const TICK: u32 = 16 + 24;
 /// A frame on the wire, 48 MHz ticks.
 const FRAME: u64 = 9_000;
 /// Between two motion messages: not quite ten ticks, so that they meet ticks at every phase.
@@ -30,28 +30,49 @@ const MOTION: u64 = 48_013;
 const SECONDS: u64 = 2;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    println!("| image | ticks | mean | p99 | max |\n|---|---:|---:|---:|---:|");
+    println!(
+        "| image | ticks | mean | p99 | max | awake, tick to tick: mean | p99 | max |\n|---|---:|---:|---:|---:|---:|---:|---:|"
+    );
     let mut details = String::new();
     for path in std::env::args().skip(1) {
         let name = path.rsplit('/').next().unwrap_or(&path);
-        let (mut ticks, functions) = measure(&Image::from_elf(&std::fs::read(&path)?)?, name != "knee")?;
-        ticks.sort_unstable();
-        let (count, sum) = (ticks.len(), ticks.iter().sum::<u64>());
-        let (p99, max) = (ticks[count * 99 / 100], ticks[count - 1]);
-        println!("| {name} | {count} | {} | {p99} | {max} |", sum / count as u64);
-        details += &format!("\n{name}, cycles per tick by function:\n");
-        let mut functions: Vec<_> = functions.into_iter().collect();
-        functions.sort_by_key(|(_, cycles)| std::cmp::Reverse(*cycles));
-        for (function, cycles) in functions.iter().take(15) {
-            details += &format!("{:7.1} {function}\n", *cycles as f64 / count as f64);
+        let Cost { ticks, awake, in_ticks, between } =
+            measure(&Image::from_elf(&std::fs::read(&path)?)?, name != "knee")?;
+        let count = ticks.len();
+        println!("| {name} | {count} | {} | {} |", summary(ticks), summary(awake));
+        for (what, functions) in [("in ticks", in_ticks), ("between ticks", between)] {
+            details += &format!("\n{name}, cycles per tick by function, {what}:\n");
+            let mut functions: Vec<_> = functions.into_iter().collect();
+            functions.sort_by_key(|(_, cycles)| std::cmp::Reverse(*cycles));
+            for (function, cycles) in functions.iter().take(12) {
+                details += &format!("{:7.1} {function}\n", *cycles as f64 / count as f64);
+            }
         }
     }
     print!("{details}");
     Ok(())
 }
 
-/// Cycles of each tick, and of each function in all of them.
-type Cost = (Vec<u64>, BTreeMap<String, u64>);
+/// Mean, 99th percentile, maximum.
+fn summary(mut cycles: Vec<u64>) -> String {
+    cycles.sort_unstable();
+    let (count, sum) = (cycles.len(), cycles.iter().sum::<u64>());
+    format!("{} | {} | {}", sum / count as u64, cycles[count * 99 / 100], cycles[count - 1])
+}
+
+/// Cycles by function.
+type Functions = BTreeMap<String, u64>;
+
+/// What two seconds cost, cycles.
+#[derive(Default)]
+struct Cost {
+    /// Each tick.
+    ticks: Vec<u64>,
+    /// Awake from the end of each tick to the end of the next.
+    awake: Vec<u64>,
+    in_ticks: Functions,
+    between: Functions,
+}
 
 fn measure(image: &Image, follows: bool) -> Result<Cost, Box<dyn Error>> {
     let mut chip = Chip::new(image);
@@ -61,34 +82,50 @@ fn measure(image: &Image, follows: bool) -> Result<Cost, Box<dyn Error>> {
     for (group, pin) in PULLED_DOWN {
         wires.pins[group].solder(pin, false);
     }
-    chip.watch(image.symbols.address("TC4").ok_or("no tick: not a node's image")?, true);
-    let (mut ticks, mut functions) = (vec![], BTreeMap::new());
+    let mut cost = Cost::default();
     let mut outside = Outside { follows, ..Outside::default() };
     // The crystal takes half a second to start.
     let mut limit = Cycles::from_millis(2_000);
-    let mut end = None;
-    while end.is_none_or(|end| chip.now().0 < end) {
-        if chip.run_until(limit) != Stop::Breakpoint {
-            return Err(format!("no tick by {:.1} ms", chip.now().as_secs_f64() * 1e3).into());
-        }
-        limit = chip.now() + 48_000;
-        end.get_or_insert(chip.now().0 + SECONDS * 48_000_000);
-        chip.set_profiling(true);
-        let entered = chip.now().0;
-        loop {
+    let mut end = u64::MAX;
+    while chip.now().0 < end {
+        let awake = chip.awake();
+        let mut entered = chip.now().0;
+        while exception(&chip) != TICK {
+            entered = chip.now().0;
             chip.step();
-            // No exception number: thread mode.
-            if chip.cpu().registers().xpsr & 0x3f == 0 {
-                break;
+            if chip.now() > limit {
+                return Err(format!("no tick by {:.1} ms", limit.as_secs_f64() * 1e3).into());
             }
         }
-        ticks.push(chip.now().0 - entered + ENTRY);
-        for (name, cycles) in chip.set_profiling(false).iter().flat_map(|profile| profile.functions()) {
-            *functions.entry(name.to_owned()).or_default() += cycles;
+        limit = chip.now() + 48_000;
+        count(&mut chip, &mut cost.between);
+        while exception(&chip) != 0 {
+            chip.step();
         }
-        outside.act(&mut chip, ticks.len());
+        count(&mut chip, &mut cost.in_ticks);
+        match end {
+            // The time before the first tick is the start-up.
+            u64::MAX => (end, cost) = (chip.now().0 + SECONDS * 48_000_000, Cost::default()),
+            _ => {
+                cost.ticks.push(chip.now().0 - entered);
+                cost.awake.push(chip.awake() - awake);
+            }
+        }
+        outside.act(&mut chip, cost.ticks.len());
     }
-    Ok((ticks, functions))
+    Ok(cost)
+}
+
+/// Adds what the functions took since the last time.
+fn count(chip: &mut Chip, functions: &mut Functions) {
+    for (name, cycles) in chip.set_profiling(true).iter().flat_map(|profile| profile.functions()) {
+        *functions.entry(name.to_owned()).or_default() += cycles;
+    }
+}
+
+/// The exception that is served, 0 in thread mode.
+fn exception(chip: &Chip) -> u32 {
+    chip.cpu().registers().xpsr & 0x3f
 }
 
 /// Whom the node hears and what it feels.

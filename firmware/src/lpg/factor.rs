@@ -11,6 +11,8 @@
 
 use sarah_protocol::fixed::Q16;
 
+use super::product;
+
 /// Unsigned division: the only operation whose implementation differs between the chip (DIVAS) and elsewhere.
 pub trait Divider {
     /// Quotient and remainder. `denominator` is never 0 here.
@@ -105,11 +107,11 @@ pub fn factor<D: Divider>(divider: &D, acceleration: Q16, rotation: Q16) -> u32 
 
 /// Step height in Q30 metres (0 to 0.1) of a Factor in Q30.
 pub fn step<D: Divider>(divider: &D, factor: u32) -> u32 {
-    const SLOPE: u64 = (2.0 * LOG2_5 * (1u64 << 24) as f64 + 0.5) as u64;
+    const SLOPE: u32 = (2.0 * LOG2_5 * (1u64 << 24) as f64 + 0.5) as u32;
     const OFFSET: i32 = (LOG2_5 * (1u64 << 20) as f64 + 0.5) as i32;
-    let x = OFFSET - ((factor as u64 * SLOPE) >> 34) as i32;
-    const TENTH: u64 = (0.1 * (1u64 << 32) as f64 + 0.5) as u64;
-    ((logistic(divider, x) as u64 * TENTH) >> 32) as u32
+    let x = OFFSET - (product(factor, SLOPE).0 >> 2) as i32;
+    const TENTH: u32 = (0.1 * (1u64 << 32) as f64 + 0.5) as u32;
+    product(logistic(divider, x), TENTH).0
 }
 
 /// A Q30 number in Q16, rounded to nearest.

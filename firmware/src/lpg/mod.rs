@@ -33,6 +33,18 @@ fn longer(a: Q16, b: Q16, limit: Q16) -> bool {
     a > limit || b > limit || a * a + b * b > limit * limit
 }
 
+/// The upper and the lower half of a · b. In halves itself: the chip multiplies 32 bits in one instruction, and calls a
+/// function of a hundred cycles for 64.
+pub(crate) const fn product(a: u32, b: u32) -> (u32, u32) {
+    let (high_a, low_a) = (a >> 16, a & 0xffff);
+    let (high_b, low_b) = (b >> 16, b & 0xffff);
+    let low = low_a * low_b;
+    // Neither passes 32 bits: the product of halves leaves room for what is carried.
+    let middle = high_a * low_b + (low >> 16);
+    let other = low_a * high_b + (middle & 0xffff);
+    (high_a * high_b + (middle >> 16) + (other >> 16), other << 16 | low & 0xffff)
+}
+
 /// See [`longer`].
 const LONGEST: Q16 = Q16::lit(0.5);
 const _: () = assert!(rules::KNEE.chain_xi.0 < LONGEST.0 && rules::KNEE.brake_xi.0 < LONGEST.0);
@@ -42,6 +54,14 @@ mod tests {
     use super::*;
 
     proptest::proptest! {
+        #[test]
+        fn a_product_in_halves_is_the_product(a: u32, b: u32, shift in 0..32) {
+            for (a, b) in [(a, b), (a >> shift, b), (u32::MAX, u32::MAX), (a, u32::MAX)] {
+                let (high, low) = product(a, b);
+                proptest::prop_assert_eq!(u64::from(high) << 32 | u64::from(low), u64::from(a) * u64::from(b));
+            }
+        }
+
         #[test]
         fn longer_is_a_comparison_of_lengths(a: i32, b: i32, shift in 0..20, limit in 0..LONGEST.0) {
             for (a, b) in [(a, b), (a >> 16, b >> shift), (a >> 17, b >> 17), (limit, 0), (0, -limit), (limit, 1)] {

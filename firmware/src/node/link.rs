@@ -210,21 +210,17 @@ impl<P: Copy> NodeLink<P> {
 
     /// Brakes what would pass the end of its range.
     pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
-        if !matches!(drive, [Drive::Brake, Drive::Brake]) {
-            self.stop_moving(drive);
-        }
+        let ([left, right], [left_at, right_at]) = (drive, self.good);
+        self.stop_at_end(left, left_at);
+        self.stop_at_end(right, right_at);
     }
 
-    #[inline(never)]
-    fn stop_moving(&mut self, drive: &mut [Drive; 2]) {
-        for (drive, position) in drive.iter_mut().zip(self.good) {
-            let stop = self.end_stop;
-            if let Drive::Velocity(speed) = *drive
-                && ((speed > Q16::ZERO && position >= stop) || (speed < Q16::ZERO && position <= -stop))
-            {
-                *drive = Drive::Brake;
-                self.limits |= limits::END_STOP;
-            }
+    #[inline]
+    fn stop_at_end(&mut self, drive: &mut Drive, at: Q16) {
+        let Drive::Velocity(speed) = *drive else { return };
+        if (speed > Q16::ZERO && at >= self.end_stop) || (speed < Q16::ZERO && at <= -self.end_stop) {
+            *drive = Drive::Brake;
+            self.limits |= limits::END_STOP;
         }
     }
 

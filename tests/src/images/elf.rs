@@ -8,6 +8,9 @@ use object::{Object, ObjectSection, ObjectSymbol, SectionKind, SymbolKind};
 
 use super::thumb::{Effect, decode};
 
+/// Where RAM begins; code below it waits for the flash.
+pub const RAM: u32 = 0x2000_0000;
+
 /// One function.
 #[derive(Clone, Debug, Default)]
 pub struct Function {
@@ -111,6 +114,7 @@ impl Image {
 
     fn function(&mut self, start: u32, code: &[u8], marks: &BTreeMap<u32, bool>) {
         let mut found = Function::default();
+        let bridge = is_bridge(self.name(start));
         let mut registers: [Option<u32>; 16] = [None; 16];
         let word = |address: u32| {
             let at = address.checked_sub(start)? as usize;
@@ -122,8 +126,11 @@ impl Image {
             let is_code = marks.range(..=address).next_back().is_none_or(|(_, code)| *code);
             if !is_code {
                 // A literal pool or a jump table.
-                self.pointers(code.get(at..at + 4).unwrap_or_default());
-                at += 2;
+                match word(address) {
+                    Some(target) if bridge => _ = found.calls.insert(target & !1),
+                    _ => self.pointers(code.get(at..at + 4).unwrap_or_default()),
+                }
+                at += if bridge { 4 } else { 2 };
                 continue;
             }
             let (effect, length) = decode(address, &code[at..]);
@@ -163,9 +170,14 @@ impl Image {
     }
 }
 
+/// Whether a function is the linker's: it does nothing but jump where the word behind it says, for flash and RAM are too
+/// far apart for a plain call.
+pub fn is_bridge(name: &str) -> bool {
+    name.starts_with("__Thumb") && name.contains("Thunk_")
+}
+
 /// Flash and static RAM.
 fn sizes(bytes: &[u8]) -> Result<(u32, u32), String> {
-    const RAM: u32 = 0x2000_0000;
     let header = object::elf::FileHeader32::<object::LittleEndian>::parse(bytes).map_err(|error| error.to_string())?;
     let endian = object::LittleEndian;
     let (mut flash, mut ram) = (0, 0);

@@ -15,6 +15,7 @@ use serde::Deserialize;
 pub use elf::{Function, Image};
 pub use stack::{Depth, Graph, Tasks};
 
+use elf::{RAM, is_bridge};
 use stack::{panics, reached};
 
 /// Functions of the C mathematics library that no controller needs.
@@ -37,6 +38,20 @@ pub struct Budget {
     pub tick: BTreeMap<String, Vec<String>>,
     /// Interrupt handlers that share a priority, so that one of them at a time is on the stack.
     pub priorities: Vec<Vec<String>>,
+    /// Images whose ticks run from RAM.
+    pub fast: Fast,
+}
+
+/// Images whose ticks run from RAM, where the core does not wait for the flash.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fast {
+    /// Which.
+    pub images: Vec<String>,
+    /// The handlers that are a tick.
+    pub handlers: Vec<String>,
+    /// What may stay in flash, with all it calls: few ticks get there.
+    pub rare: Vec<String>,
 }
 
 /// What was found of one image.
@@ -75,6 +90,9 @@ pub fn judge(name: &str, image: &Image, budget: &Budget) -> Findings {
     }
     forbidden(name, image, complaints);
     tick(name, image, budget, &mut findings);
+    if budget.fast.images.iter().any(|fast| fast == name) {
+        fast(name, image, &budget.fast, &mut findings);
+    }
     findings
 }
 
@@ -85,7 +103,8 @@ fn worst_stack(image: &Image, budget: &Budget, ticks: &[u32]) -> (u32, String, B
     let mut lines = String::new();
     let mut line = |what: &str, depth: &Depth| {
         // Writing to a string cannot fail.
-        let path: Vec<&str> = depth.path.iter().map(|at| short(image.name(*at))).collect();
+        let path = depth.path.iter().map(|at| image.name(*at)).filter(|name| !is_bridge(name));
+        let path: Vec<&str> = path.map(short).collect();
         let _ = writeln!(lines, "             {:>5} {what}: {}", depth.bytes, path.join(" > "));
     };
     let mut left: BTreeSet<u32> = image.vectors.iter().skip(2).map(|at| at & !1).filter(|at| *at != 0).collect();
@@ -163,6 +182,24 @@ fn tick(name: &str, image: &Image, budget: &Budget, findings: &mut Findings) {
     }
 }
 
+/// What direct calls reach from the handlers lies in RAM, but for what is rare.
+fn fast(name: &str, image: &Image, fast: &Fast, findings: &mut Findings) {
+    let rare: BTreeSet<u32> = fast.rare.iter().flat_map(|function| image.named(function)).collect();
+    let mut ahead: Vec<u32> = fast.handlers.iter().flat_map(|handler| image.named(handler)).collect();
+    let mut seen: BTreeSet<u32> = ahead.iter().copied().collect();
+    while let Some(at) = ahead.pop() {
+        if at < RAM {
+            let function = image.name(at);
+            findings.complaints.push(format!(
+                "{name}: a tick waits for the flash in {function}: name it in board/samc21/fast.x, or as rare in budget.toml"
+            ));
+        }
+        let calls = image.functions.get(&at).into_iter().flat_map(|function| &function.calls);
+        ahead.extend(calls.copied().filter(|call| !rare.contains(call) && seen.insert(*call)));
+    }
+    let _ = writeln!(findings.text, "             {} functions of the tick in RAM", seen.len());
+}
+
 /// The last two words of a path.
 fn short(name: &str) -> &str {
     let plain = name.split('<').next().filter(|part| !part.is_empty()).unwrap_or(name);
@@ -187,11 +224,11 @@ mod tests {
         let functions = [
             (0x100, function("Reset", 16, &[0x200])),
             (0x200, function("knee::control_tick", 100, &[])),
-            (0x300, function("TC4", 24, &[])),
+            (0x2000_0300, function("TC4", 24, &[])),
             (0x400, function("HardFault", 8, &[])),
         ];
         let symbols = functions.iter().map(|(_, function)| function.name.clone()).collect();
-        let vectors = vec![0x2000_8000, 0x101, 0, 0x401, 0x301];
+        let vectors = vec![0x2000_8000, 0x101, 0, 0x401, 0x2000_0301];
         Image { functions: functions.into(), vectors, symbols, flash: 30_000, ram: 5_000, ..Image::default() }
     }
 
@@ -225,6 +262,23 @@ mod tests {
         ] {
             assert!(all.contains(part), "{all} lacks {part}");
         }
+    }
+
+    #[test]
+    fn a_fast_tick_lies_in_ram_but_for_what_is_rare() {
+        let mut image = image();
+        let mut fast_complaints = |calls: &[u32]| {
+            image.functions.insert(0x2000_0300, function("TC4", 8, calls));
+            image.functions.insert(0x2000_0200, function("__ThumbV6MABSLongThunk_wide", 8, &[0x700]));
+            image.functions.insert(0x700, function("fixed::wide", 8, &[0x800]));
+            image.functions.insert(0x800, function("memcpy", 8, &[]));
+            let rare = Fast { images: vec![], handlers: vec!["TC4".into()], rare: vec!["wide".into()] };
+            let mut findings = Findings::default();
+            fast("knee", &image, &rare, &mut findings);
+            findings.complaints
+        };
+        assert_eq!(fast_complaints(&[0x2000_0200]), [""; 0]);
+        assert!(fast_complaints(&[0x800])[0].contains("waits for the flash in memcpy"));
     }
 
     #[test]
