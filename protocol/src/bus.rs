@@ -273,8 +273,11 @@ impl Message {
 
     /// Total: any identifier and any bytes give a message or an error.
     pub fn decode(frame: &Frame) -> Result<Message, BusError> {
-        let id = frame.id;
-        let data = frame.data.as_slice();
+        Message::of(frame.id, &frame.data)
+    }
+
+    /// The same of identifier and payload, where they lie.
+    pub fn of(id: u16, data: &[u8]) -> Result<Message, BusError> {
         match id {
             HALT => Ok(Message::Halt(body(id, data)?)),
             GAIT => Ok(Message::Gait(body(id, data)?)),

@@ -152,12 +152,17 @@ impl<P: Port> Can<P> {
 
     /// The next frame received.
     pub fn receive(&mut self) -> Option<Frame> {
+        // A frame has room for what the controller can receive.
+        self.receive_with(|id, data| Frame { id, data: Vec::from_slice(data).unwrap_or_default() })
+    }
+
+    /// What `use_it` makes of identifier and payload of the next frame received, without a copy.
+    pub fn receive_with<R>(&mut self, use_it: impl FnOnce(u16, &[u8]) -> R) -> Option<R> {
         loop {
-            let message = self.controller.rx_fifo_0.receive().ok()?;
+            let Ok(message) = self.controller.rx_fifo_0.receive() else { return None };
             let Id::Standard(id) = message.id() else { continue };
-            let Ok(data) = Vec::from_slice(message.data()) else { continue };
             self.statistics.received = self.statistics.received.wrapping_add(1);
-            return Some(Frame { id: id.as_raw(), data });
+            return Some(use_it(id.as_raw(), message.data()));
         }
     }
 

@@ -226,9 +226,9 @@ impl<P: Place> Bus<P> {
                 if core::mem::replace(&mut woken, true) || ready { Poll::Ready(()) } else { Poll::Pending }
             });
             select(can.event(), work).await;
-            while let Some(frame) = can.receive() {
+            while let Some(message) = can.receive_with(Message::of) {
                 // What does not decode is dropped, as in the simulator.
-                if let Ok(message) = Message::decode(&frame)
+                if let Ok(message) = message
                     && to_node.send(ear.hear(&message)).is_err()
                 {
                     UNHEARD.beat();
