@@ -7,7 +7,7 @@
 //!   keyboard ── Act ──────┘
 //! ```
 //!
-//! The core is pure: [`Dashboard`] takes in what the link heard and what [`keys`] mean, and says what to ask; [`view`]
+//! The core is pure: [`Dashboard`] takes in what the link heard and what [`keys`] mean, and says what to ask; `view`
 //! and its panels only look at it. This file is the shell: a loop over link, keyboard and terminal.
 //!
 //! The monitor never moves the robot by itself: it arms only after a question was answered, and leaving it changes
@@ -73,7 +73,7 @@ pub fn run(target: &Target, role: Role) -> Result<(), MonitorError> {
     let shown = show(&mut screen.0, &link, role);
     drop(screen);
     shown.map_err(MonitorError::Terminal)?;
-    println!("The robot goes on as it was. A set that is not stored goes 10 s after its last host.");
+    println!("The robot goes on as it was. Without another host its stored set is back in force 10 s from now.");
     Ok(())
 }
 

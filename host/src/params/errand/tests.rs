@@ -2,10 +2,13 @@
 
 use sarah_firmware::default_params;
 use sarah_protocol::host::HelloReply;
-use sarah_protocol::params::{ParamError, RawParams};
-use sarah_protocol::session::SessionError;
+use sarah_protocol::params::{ParamError, RawParams, SPECS};
+use sarah_protocol::session::{HostSession, SessionError};
+use sarah_sim::scenario::Scenario;
+use sarah_sim::sil::{Sil, SilConfig};
 
 use super::*;
+use crate::link::client::Client;
 
 fn tell(errand: &mut Errand, news: News) -> Result<(), RobotError> {
     errand.on(&Heard { at_us: 1_000_000, what: What::News(news) })
@@ -122,4 +125,58 @@ fn every_way_to_fail_is_one_line_that_says_what_to_do() {
         assert_eq!(text.lines().count(), 1);
         assert!(!text.contains("  "), "{text}");
     }
+}
+
+/// Runs an errand against a robot's whole firmware, in simulated time.
+fn run_on(sil: &mut Sil, client: &mut Client, errand: &mut Errand) -> Result<(), RobotError> {
+    while !errand.idle() {
+        for ask in errand.asks() {
+            let session = client.session_mut();
+            let asked = match ask {
+                Ask::Get(which) => session.get_params(which),
+                Ask::Persist => session.persist(),
+                Ask::Params(set) => {
+                    client.set_params(set);
+                    Ok(())
+                }
+                other => panic!("an errand does not ask {other:?}"),
+            };
+            asked.unwrap();
+        }
+        while let Some(bytes) = client.poll(sil.now_us()) {
+            sil.host_write(&bytes);
+        }
+        sil.run_until(sil.now_us() + 10_000);
+        let (now_us, bytes, mut news) = (sil.now_us(), sil.host_read(), vec![]);
+        client.on_bytes(now_us, &bytes, &mut news);
+        for news in news {
+            errand.on(&Heard { at_us: now_us, what: What::News(news) })?;
+        }
+        errand.at(now_us)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn a_robot_reads_changes_and_keeps_its_set() {
+    let episode = Scenario::load("stand").unwrap().episode(7, 0);
+    let mut sil = Sil::new(&SilConfig::default(), default_params(), default_params(), &episode).unwrap();
+    let mut client = Client::new(HostSession::new(7), None);
+    let mut errand = Errand::read(Role::Writer);
+    run_on(&mut sil, &mut client, &mut errand).unwrap();
+    assert_eq!(errand.sets().get(Which::Applied), Ok(default_params()));
+    // Further than one generation may go in every parameter.
+    let far = ParamSet::new(SPECS.each_ref().map(|spec| spec.min)).unwrap();
+    assert_eq!(errand.change(sil.now_us(), far), Ok(true));
+    run_on(&mut sil, &mut client, &mut errand).unwrap();
+    assert_eq!(sil.coordinator().applied().1, &far);
+    assert_eq!(sil.stored(), None);
+    errand.keep(sil.now_us());
+    run_on(&mut sil, &mut client, &mut errand).unwrap();
+    assert_eq!(sil.stored().map(|(_, set)| *set), Some(far));
+    // Someone else reads it, without a claim.
+    let mut client = Client::new(HostSession::observer(8), None);
+    let mut errand = Errand::read(Role::Observer);
+    run_on(&mut sil, &mut client, &mut errand).unwrap();
+    assert_eq!(errand.sets().get(Which::Stored), Ok(far));
 }
