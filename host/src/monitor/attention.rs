@@ -37,10 +37,12 @@ impl Dashboard {
         };
         match telemetry.mode {
             _ if telemetry.faults & faults::E_STOP != 0 => (Level::Alarm, "EMERGENCY STOP".into()),
-            Mode::Braked if telemetry.faults != 0 => {
+            Mode::Braked if telemetry.faults & faults::HALTED != 0 => {
                 let level = if telemetry.faults == faults::HALTED { Level::Notice } else { Level::Alarm };
                 (level, self.halted.map_or("HALTED".into(), |reason| format!("HALTED: {}", reason_of(reason))))
             }
+            // Nothing was stopped: it has not been armed yet.
+            Mode::Braked if telemetry.faults != 0 => (Level::Alarm, "BRAKED, not ready".into()),
             Mode::Braked => (Level::Notice, "BRAKED".into()),
             Mode::Armed if telemetry.faults != 0 => (Level::Alarm, format!("ARMED, {}", self.gait_words(telemetry))),
             Mode::Armed => (Level::Calm, format!("ARMED, {}", self.gait_words(telemetry))),

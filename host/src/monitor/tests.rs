@@ -288,7 +288,7 @@ fn one_line_says_what_the_screen_says() {
     assert_eq!(line.lines().count(), 1);
     shows(&line, &["5.0 s ARMED, stands quietly", "Factor 0.038", "generation 8 for 12 s", "100 frames/s", "lost 0"]);
     let lost = Telemetry { mode: Mode::Braked, faults: faults::IMU_LOST, ..quiet() };
-    shows(&watching(Role::Observer, lost).line(NOW), &["HALTED", "no IMU sample (check the ribbon"]);
+    shows(&watching(Role::Observer, lost).line(NOW), &["BRAKED, not ready", "no IMU sample (check the ribbon"]);
     shows(&Dashboard::new(Role::Observer).line(0), &["CONNECTING"]);
 }
 
