@@ -1,10 +1,10 @@
 //! What a control tick costs on the chip: `cargo firmware`, then
 //! `cargo run -p sarah-sim --example tick -- <ELF> [<ELF> …]`.
 //!
-//! Each node image runs alone on an emulated chip for two seconds: motion messages at 1 kHz, for hips and abductors the
+//! Each node image runs alone on an emulated chip for a minute: motion messages at 1 kHz, for hips and abductors the
 //! knee's flags, inputs that move. A tick is all that the chip is awake for in interrupts from the tick's interrupt until
 //! it is back in thread mode: wake-up, scan, node, actuators, queues. What the chip is awake for from one tick to the next
-//! has the bus task and housekeeping besides.
+//! has the bus task and housekeeping besides. An overrun is a tick that did not come.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -27,19 +27,22 @@ const TICK: u32 = 16 + 24;
 const FRAME: u64 = 9_000;
 /// Between two motion messages: not quite ten ticks, so that they meet ticks at every phase.
 const MOTION: u64 = 48_013;
-const SECONDS: u64 = 2;
+const SECONDS: u64 = 60;
+/// Between two ticks at 10 kHz.
+const PERIOD: u64 = 4_800;
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!(
-        "| image | ticks | mean | p99 | max | awake, tick to tick: mean | p99 | max |\n|---|---:|---:|---:|---:|---:|---:|---:|"
+        "| image | ticks | overruns | mean | p99 | max | awake, tick to tick: mean | p99 | max |\n\
+         |---|---:|---:|---:|---:|---:|---:|---:|---:|"
     );
     let mut details = String::new();
     for path in std::env::args().skip(1) {
         let name = path.rsplit('/').next().unwrap_or(&path);
-        let Cost { ticks, awake, in_ticks, between } =
+        let Cost { ticks, awake, overruns, in_ticks, between } =
             measure(&Image::from_elf(&std::fs::read(&path)?)?, name != "knee")?;
         let count = ticks.len();
-        println!("| {name} | {count} | {} | {} |", summary(ticks), summary(awake));
+        println!("| {name} | {count} | {overruns} | {} | {} |", summary(ticks), summary(awake));
         for (what, functions) in [("in ticks", in_ticks), ("between ticks", between)] {
             details += &format!("\n{name}, cycles per tick by function, {what}:\n");
             let mut functions: Vec<_> = functions.into_iter().collect();
@@ -63,13 +66,15 @@ fn summary(mut cycles: Vec<u64>) -> String {
 /// Cycles by function.
 type Functions = BTreeMap<String, u64>;
 
-/// What two seconds cost, cycles.
+/// What a minute costs, cycles.
 #[derive(Default)]
 struct Cost {
     /// Each tick.
     ticks: Vec<u64>,
     /// Awake from the end of each tick to the end of the next.
     awake: Vec<u64>,
+    /// Ticks that did not come.
+    overruns: u64,
     in_ticks: Functions,
     between: Functions,
 }
@@ -87,6 +92,7 @@ fn measure(image: &Image, follows: bool) -> Result<Cost, Box<dyn Error>> {
     // The crystal takes half a second to start.
     let mut limit = Cycles::from_millis(2_000);
     let mut end = u64::MAX;
+    let mut before = 0;
     while chip.now().0 < end {
         let awake = chip.awake();
         let mut entered = chip.now().0;
@@ -109,8 +115,10 @@ fn measure(image: &Image, follows: bool) -> Result<Cost, Box<dyn Error>> {
             _ => {
                 cost.ticks.push(chip.now().0 - entered);
                 cost.awake.push(chip.awake() - awake);
+                cost.overruns += (entered - before + PERIOD / 2) / PERIOD - 1;
             }
         }
+        before = entered;
         outside.act(&mut chip, cost.ticks.len());
     }
     Ok(cost)

@@ -132,7 +132,7 @@ fn flooding(seconds: f64, images: &std::path::Path, seed: u64) -> Result<(), Cli
         for (name, chip) in NAMES.iter().zip(awake) {
             println!(
                 "| {name} | {host} | {} | {:.0} | {} | {} | {} | {} |",
-                chip.ticks, chip.mean, chip.p99, chip.max, 0, 0
+                chip.ticks, chip.mean, chip.p99, chip.max, chip.late_p99, chip.late_max
             );
         }
     }

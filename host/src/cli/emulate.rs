@@ -59,17 +59,16 @@ pub(super) struct EmulateArgs {
 /// Does what the arguments say.
 pub(super) fn run(args: &EmulateArgs) -> Result<(), CliError> {
     let scenario = Scenario::load(&args.scenario)?;
-    let episode = scenario.episode(args.seed, 0);
     let alone = args.compare.is_some() || args.cycles;
-    let whole = if alone { f64::from(episode.duration_s) } else { f64::MAX };
+    let whole = if alone { f64::from(scenario.duration_s) } else { f64::MAX };
     let config = SilConfig::default();
-    let setup = Setup { images: args.images.clone(), config, episode, seconds: args.seconds.unwrap_or(whole) };
+    let (images, seconds) = (args.images.clone(), args.seconds.unwrap_or(whole));
+    let setup = Setup { images, config, scenario, seed: args.seed, seconds };
     if alone {
         let shown = emulate::unattended(&setup, args.compare.is_some(), args.cycles)?;
         print!("{}", words(&shown));
     } else {
-        let scenario = Some((scenario, args.seed));
-        let service = Service { fast: args.fast, logs: args.logs, scenario, memory: args.memory.clone() };
+        let service = Service { fast: args.fast, logs: args.logs, memory: args.memory.clone() };
         let server = Server::start(&setup, &service)?;
         let chip = NAMES.iter().position(|name| *name == args.chip.name()).unwrap_or_default();
         match args.gdb {
@@ -108,8 +107,8 @@ fn words(shown: &Shown) -> String {
     let pace = shown.seconds / shown.wall_s.max(1e-9);
     let _ = writeln!(
         text,
-        "{:.1} s emulated in {:.1} s, {pace:.1} x real time; the robot: {:?}",
-        shown.seconds, shown.wall_s, shown.health
+        "{:.1} s emulated in {:.1} s, {pace:.1} x real time; the robot fell {} times",
+        shown.seconds, shown.wall_s, shown.falls
     );
     text
 }

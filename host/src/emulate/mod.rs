@@ -16,8 +16,7 @@ use std::time::Instant;
 use sarah_sim::awake::Summary;
 use sarah_sim::emulated::{Emulated, Images, ImagesError};
 use sarah_sim::mirror::{Compared, Difference};
-use sarah_sim::robot::Health;
-use sarah_sim::scenario::Episode;
+use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::{SilConfig, SilError};
 use sarah_sim::world::World;
 use thiserror::Error;
@@ -25,6 +24,7 @@ use thiserror::Error;
 use crate::link::sim::{LinkError, SLICE_US, SimRobot};
 use crate::progress::Progress;
 use crate::run::RunError;
+use attendant::Attendant;
 
 /// Why an emulation ended early.
 #[derive(Debug, Error)]
@@ -83,15 +83,17 @@ pub struct Setup {
     pub images: PathBuf,
     /// The robot.
     pub config: SilConfig,
-    /// What happens to it.
-    pub episode: Episode,
+    /// What happens to it, again and again.
+    pub scenario: Scenario,
+    /// Seed of pushes and sensor noise.
+    pub seed: u64,
     /// How long, s.
     pub seconds: f64,
 }
 
 impl Setup {
     fn start(&self) -> Result<Emulated, EmulateError> {
-        Ok(Emulated::new(&self.config, &Images::load(&self.images)?, &self.episode)?)
+        Ok(Emulated::new(&self.config, &Images::load(&self.images)?, &self.scenario.episode(self.seed, 0))?)
     }
 
     fn end_us(&self) -> u64 {
@@ -108,15 +110,15 @@ pub struct Shown {
     pub awake: Option<[Summary; 4]>,
     /// Cycles by function, most first, chip by chip, if asked for.
     pub functions: Vec<Vec<(String, u64)>>,
-    /// The robot at the end.
-    pub health: Health,
+    /// Times the robot fell, and was put back on its feet.
+    pub falls: u32,
     /// Emulated time, s.
     pub seconds: f64,
     /// Wall time it took, s.
     pub wall_s: f64,
 }
 
-/// Runs armed by a host built in, without waiting for the clock on the wall; until the end, or until the robot falls.
+/// Runs armed by a host built in, without waiting for the clock on the wall.
 pub fn unattended(setup: &Setup, compare: bool, cycles: bool) -> Result<Shown, EmulateError> {
     let mut world = setup.start()?;
     if compare {
@@ -130,11 +132,12 @@ pub fn unattended(setup: &Setup, compare: bool, cycles: bool) -> Result<Shown, E
     }
     let began = Instant::now();
     let progress = Progress::counting(setup.seconds.ceil() as u64, "seconds");
+    let mut attendant = Attendant::new(&setup.scenario, setup.seed, &mut world);
     let mut robot = SimRobot::over(world);
     robot.arm();
-    let mut health = Health::Upright;
-    while health == Health::Upright && robot.world().now_us() < setup.end_us() {
-        health = robot.advance()?.health;
+    while robot.world().now_us() < setup.end_us() {
+        let health = robot.advance()?.health;
+        attendant.look(health, robot.world_mut())?;
         if robot.world().now_us() % 1_000_000 < SLICE_US {
             progress.episode(None);
         }
@@ -153,7 +156,7 @@ pub fn unattended(setup: &Setup, compare: bool, cycles: bool) -> Result<Shown, E
         compared: world.mirror().map(|mirror| mirror.compared()),
         awake: world.awake(),
         functions,
-        health,
+        falls: attendant.falls(),
         seconds: world.now_us() as f64 * 1e-6,
         wall_s: began.elapsed().as_secs_f64(),
     })

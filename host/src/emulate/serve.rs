@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use samc21::nvm::RWWEE_BASE;
 use samc21::{Cycles, Stop};
 use sarah_sim::emulated::{COORDINATOR, Emulated, NAMES};
-use sarah_sim::scenario::Scenario;
 use sarah_sim::world::World;
 
 use super::attendant::Attendant;
@@ -22,8 +21,6 @@ pub struct Service {
     pub fast: bool,
     /// Prints what the chips log.
     pub logs: bool,
-    /// What happens to the robot, again and again.
-    pub scenario: Option<(Scenario, u64)>,
     /// File with the coordinator's non-volatile memory, kept from one power-up to the next.
     pub memory: Option<PathBuf>,
 }
@@ -32,7 +29,7 @@ pub struct Service {
 pub struct Server {
     world: Emulated,
     terminal: Terminal,
-    attendant: Option<Attendant>,
+    attendant: Attendant,
     logs: Option<Logs>,
     memory: Option<Memory>,
     began: Instant,
@@ -79,7 +76,7 @@ impl Server {
         let terminal = Terminal::new()?;
         println!("host link: {}", terminal.path());
         let logs = if service.logs { Some(Logs::start(&setup.images, &world)?) } else { None };
-        let attendant = service.scenario.as_ref().map(|(scenario, seed)| Attendant::new(scenario, *seed, &mut world));
+        let attendant = Attendant::new(&setup.scenario, setup.seed, &mut world);
         let (began, end_us, fast) = (Instant::now(), setup.end_us(), service.fast);
         Ok(Server { world, terminal, attendant, logs, memory, began, fast, said_s: 0, end_us })
     }
@@ -109,9 +106,7 @@ impl Server {
         };
         let heard = self.terminal.exchange(&self.world.host_read())?;
         self.world.host_write(&heard);
-        if let Some(attendant) = &mut self.attendant {
-            attendant.look(self.world.health(), &mut self.world)?;
-        }
+        self.attendant.look(self.world.health(), &mut self.world)?;
         if let Some(logs) = &mut self.logs {
             logs.collect(&mut self.world)?;
         }
@@ -153,7 +148,7 @@ impl Server {
             trunk.position_m[0],
             trunk.position_m[1],
             trunk.position_m[2],
-            self.attendant.as_ref().map_or(0, Attendant::falls),
+            self.attendant.falls(),
             awake.join(", "),
         )
     }

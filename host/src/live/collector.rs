@@ -23,6 +23,7 @@ use crate::enaf::End;
 use crate::link::live::{Ask, Heard, What};
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
+use crate::task::observation::loads_n;
 use crate::task::odometry::Estimate;
 use crate::task::pose_source::PoseSource;
 use crate::task::reward::RewardForm;
@@ -32,6 +33,9 @@ use crate::task::{action, observation};
 const STILL_US: u64 = 1_000_000;
 /// Slower than this is still, rad/s.
 const STILL_RAD_S: f32 = 0.1;
+/// A robot that leans less, and carries this much on either foot, stands, rad and N.
+const STANDS_RAD: f32 = 0.3;
+const LOADED_N: f32 = 15.0;
 /// A second with fewer telemetry frames than this says too little, of about 100.
 const FRAMES_MIN: usize = 50;
 /// Without telemetry for this long there is no link, µs.
@@ -209,7 +213,7 @@ impl Collector {
 
     fn saw(&mut self, at_us: u64, frame: &Telemetry, out: &mut Vec<Do>) {
         let estimate = self.source.saw(at_us as f64 * 1e-6, frame);
-        let still = estimate.pose.rotation_rad_s < STILL_RAD_S && frame.phases[0] == 0 && estimate.upright;
+        let still = estimate.pose.rotation_rad_s < STILL_RAD_S && frame.phases[0] == 0 && stands(frame);
         match still {
             true => _ = self.still_since_us.get_or_insert(at_us),
             false => self.still_since_us = None,
@@ -247,8 +251,9 @@ impl Collector {
     fn wait(&mut self, now_us: u64, settled: bool, out: &mut Vec<Do>) {
         let still = self.still_since_us.is_some_and(|since| now_us.saturating_sub(since) >= STILL_US);
         let Some((_, frame)) = &self.last else { return };
-        if still && self.source.estimate().fell {
-            // Somebody has put it back on its feet.
+        let estimate = self.source.estimate();
+        if still && (estimate.fell || !estimate.upright) {
+            // Somebody has put it back on its feet, perhaps in a way that odometry could not follow.
             self.source.reset();
         }
         match frame.mode {
@@ -352,6 +357,13 @@ impl Collector {
         acting.answered = act.decision + 1;
         Some(action::decode(&self.task.base, self.task.lpg, &act.action))
     }
+}
+
+/// Upright on both feet, as the robot itself sees it.
+fn stands(frame: &Telemetry) -> bool {
+    let [left_heel, left_toe, right_heel, right_toe] = loads_n(frame);
+    let upright = frame.lean.iter().all(|lean| lean.to_f32().abs() < STANDS_RAD);
+    upright && left_heel + left_toe > LOADED_N && right_heel + right_toe > LOADED_N
 }
 
 fn seconds(us: u64) -> f32 {

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
-use crate::link::live::Heard;
+use sarah_protocol::session::News;
+
+use crate::link::live::{Heard, Link, What};
 use crate::recording::pose::Pose;
 use crate::recording::{self, About, RecordingError};
-use crate::run::{RunError, utc_now};
+use crate::run::RunError;
 use crate::task::odometry::Estimate;
 use crate::train::TrainError;
 
@@ -25,9 +27,10 @@ pub struct Recorder {
 
 impl Recorder {
     /// Begins the next recording in `folder`: `1.mcap`, `2.mcap`, …
-    pub fn start(folder: &Path, port: &str) -> Result<Recorder, TrainError> {
+    pub fn start(folder: &Path, link: &Link) -> Result<Recorder, TrainError> {
         std::fs::create_dir_all(folder).map_err(RunError::io("create", folder))?;
-        let mut recording = recording::Recorder::create(&next(folder), about(port))?;
+        let about = About::now(link.now_us()).with("link", &format!("serial:{}", link.health().port));
+        let mut recording = recording::Recorder::create(&next(folder), about)?;
         let (items, to_write) = channel();
         let thread = std::thread::spawn(move || {
             write(&mut recording, &to_write)?;
@@ -60,7 +63,7 @@ impl Drop for Recorder {
 fn write(recording: &mut recording::Recorder, items: &Receiver<Item>) -> Result<(), RecordingError> {
     let mut kept = Instant::now();
     while let Ok((heard, trunk)) = items.recv() {
-        recording.hear(&heard, trunk.as_ref().map(place).as_ref())?;
+        recording.hear(&heard, trunk.and_then(|trunk| place(&heard, &trunk)).as_ref())?;
         if kept.elapsed() > KEEP {
             kept = Instant::now();
             recording.keep()?;
@@ -69,17 +72,11 @@ fn write(recording: &mut recording::Recorder, items: &Receiver<Item>) -> Result<
     Ok(())
 }
 
-fn about(port: &str) -> About {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let values = [("link".into(), format!("serial:{port}")), ("started".into(), utc_now())];
-    About { start_ns: u64::try_from(now.as_nanos()).unwrap_or_default(), values: values.into() }
-}
-
 /// Where the trunk is, as a recording has it.
-fn place(estimate: &Estimate) -> Pose {
-    Pose {
-        position_m: estimate.pose.position_m.map(f64::from),
-        ..Pose::turned([0.0, 0.0, 1.0], estimate.yaw_rad.into())
+fn place(heard: &Heard, estimate: &Estimate) -> Option<Pose> {
+    match &heard.what {
+        What::News(News::Telemetry(frame)) => Some(Pose::estimated(estimate.pose.position_m, estimate.yaw_rad, frame)),
+        _ => None,
     }
 }
 

@@ -65,7 +65,7 @@ pub fn train(config: &TrainConfig, robot: &Robot, folder: &RunFolder, info: &Run
     let progress = Progress::new(3 * u64::from(config.episodes));
     progress.phase(&format!("training on {} in {}", link.health().port, folder.layout().root().display()));
     progress.print(console::HELP);
-    let recorder = Recorder::start(&folder.layout().root().join("recordings"), &link.health().port)?;
+    let recorder = Recorder::start(&folder.layout().root().join("recordings"), &link)?;
     let mut collector = None;
     let mut chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![] };
     let words = console::listen();
