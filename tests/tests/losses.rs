@@ -189,6 +189,23 @@ fn a_node_that_falls_silent_stops_all_others_until_armed() {
 }
 
 #[test]
+fn a_stop_whose_answer_was_lost_does_not_come_again_after_it_was_cleared() {
+    let mut bench = Bench::armed(&SilConfig::default(), &episode(5, &[]));
+    bench.session.e_stop();
+    while let Some(bytes) = bench.session.poll(bench.sil.now_us()) {
+        bench.sil.host_write(&bytes);
+    }
+    bench.plugged = false;
+    bench.wait(100, |bench| bench.mode() == Mode::Braked).expect("the stop was heard");
+    bench.run_ms(20);
+    bench.plugged = true;
+    bench.session.clear_e_stop().expect("connected");
+    bench.run_ms(500);
+    assert_eq!(bench.sil.coordinator().telemetry().faults & faults::E_STOP, 0);
+    arms_again(&mut bench);
+}
+
+#[test]
 fn an_emergency_stop_during_a_step_brakes_all_six_within_two_ticks_and_the_latency() {
     let mut bench = mid_cycle();
     assert_ne!(bench.sil.commands(), BRAKED);

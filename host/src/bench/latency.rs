@@ -116,19 +116,27 @@ pub fn stops<W: World>(
 
 /// Arms, as often as it takes: right after power-up the IMU still finds up.
 pub fn arm<W: World>(wire: &mut Wire<W>) -> Result<(), BenchError> {
+    let mut refused = None;
     for _ in 0..100 {
         wire.client.session_mut().arm().map_err(|why| wire.broken(why.to_string()))?;
-        let mut armed = false;
-        wire.until("an answer to arm", |news| {
-            armed |= matches!(news, News::Done(Command::Arm { .. }));
-            matches!(news, News::Done(Command::Arm { .. }) | News::Refused(Command::Arm { .. }, _))
+        wire.until("an answer to arm", |news| match news {
+            News::Done(Command::Arm { .. }) => {
+                refused = None;
+                true
+            }
+            News::Refused(Command::Arm { .. }, refusal) => {
+                refused = Some(*refusal);
+                true
+            }
+            _ => false,
         })?;
-        if armed {
+        if refused.is_none() {
             return Ok(());
         }
         wire.idle(50_000)?;
     }
-    Err(wire.broken("the robot does not arm".into()))
+    let why = refused.map(|refusal| refusal.to_string()).unwrap_or_default();
+    Err(wire.broken(format!("the robot does not arm: {why}")))
 }
 
 /// A random set that one generation may reach from `now`.

@@ -22,8 +22,8 @@ use super::wire::Wire;
 const SETS: u32 = 100;
 /// The longest that the cable is out, µs: the robot goes back to its stored set after 10 s.
 const PULLED_US: u64 = 12_000_000;
-/// Generations begin here, so that their numbers wrap around early.
-const BEFORE_WRAP: [u32; 2] = [0x7fff_ff00, 0xffff_ff00];
+/// Generations go on from these, each less than half the numbers from the one before, so that they wrap around early.
+const BEFORE_WRAP: [u32; 2] = [0x7fff_ff00, 0xffff_f000];
 /// Frames that may be on their way when the counters are compared.
 const ON_THE_WAY: u64 = 8;
 /// Sequence numbers count up to this.

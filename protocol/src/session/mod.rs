@@ -254,6 +254,8 @@ impl HostSession {
                     ToRobot::Hello(Hello::ours())
                 })
             }
+            // A stop that is repeated because its answer was lost must not arrive after the word that clears it.
+            State::Open if self.stop.is_some() && self.queue.front() == Some(&Command::ClearEStop) => None,
             State::Open => self.queue.pop_front().map(ToRobot::Command),
         }
     }
