@@ -24,6 +24,8 @@ const SETS: u32 = 100;
 const PULLED_US: u64 = 12_000_000;
 /// Generations go on from these, each less than half the numbers from the one before, so that they wrap around early.
 const BEFORE_WRAP: [u32; 2] = [0x7fff_ff00, 0xffff_f000];
+/// Memory that a soak may grow by after its first tenth, KiB.
+const GROWTH_KIB: u64 = 4_096;
 /// Frames that may be on their way when the counters are compared.
 const ON_THE_WAY: u64 = 8;
 /// Sequence numbers count up to this.
@@ -46,8 +48,8 @@ pub struct Soaked {
     pub stats: LinkStats,
     /// Frames that the robot sent.
     pub sent: u64,
-    /// Wrap-arounds of the robot's sequence numbers, and of its microsecond clock.
-    pub wraps: (u64, u64),
+    /// Wrap-arounds of the robot's sequence numbers, of its microsecond clock, and of the generations.
+    pub wraps: (u64, u64, u64),
     /// Memory of this process after the first tenth and at the end, KiB.
     pub rss_kib: (u64, u64),
 }
@@ -72,10 +74,13 @@ pub fn soak<W: World>(
     arm(&mut wire)?;
     let end_us = (seconds * 1e6) as u64;
     let (mut sets, mut stops, mut pulls, mut pulled_us) = (0, 0, 0, 0);
+    let (mut wrapped, mut generation) = (0, wire.client.session().applied());
     let mut rss_early = None;
     while wire.world.now_us() < end_us {
         parameters(&mut wire, SETS, rng.random(), &|| {})?;
         sets += u64::from(SETS);
+        let before = std::mem::replace(&mut generation, wire.client.session().applied());
+        wrapped += u64::from(generation < before);
         if rng.random_bool(0.2) {
             stop(&mut wire)?;
             stops += 1;
@@ -96,6 +101,10 @@ pub fn soak<W: World>(
     if known.abs_diff(sent) > ON_THE_WAY {
         return Err(wire.broken(format!("{sent} frames were sent, {known} are accounted for: {stats:?}")));
     }
+    let rss_kib = (rss_early.unwrap_or_default(), rss_kib());
+    if rss_kib.1 > rss_kib.0 + GROWTH_KIB {
+        return Err(wire.broken(format!("memory grew from {} to {} KiB", rss_kib.0, rss_kib.1)));
+    }
     Ok(Soaked {
         seconds: (wire.world.now_us() as f64 * 1e-6, began.elapsed().as_secs_f64()),
         sets,
@@ -104,8 +113,8 @@ pub fn soak<W: World>(
         hit: wire.world.hit(),
         stats,
         sent,
-        wraps: (sent / SEQUENCE, wire.world.now_us() >> 32),
-        rss_kib: (rss_early.unwrap_or_default(), rss_kib()),
+        wraps: (sent / SEQUENCE, wire.world.now_us() >> 32, wrapped),
+        rss_kib,
     })
 }
 

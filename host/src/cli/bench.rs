@@ -167,8 +167,8 @@ fn soaking(minutes: f64, faults: f64, seed: u64, link: &LinkArgs) -> Result<(), 
         soaked.sent, stats.frames, stats.lost, stats.frame_errors, stats.retries
     );
     println!(
-        "wrap-arounds: {} of the sequence numbers, {} of the microsecond clock, 1 of the generations",
-        soaked.wraps.0, soaked.wraps.1
+        "wrap-arounds: {} of the sequence numbers, {} of the microsecond clock, {} of the generations",
+        soaked.wraps.0, soaked.wraps.1, soaked.wraps.2
     );
     println!("resident memory: {} KiB after a tenth, {} KiB at the end", soaked.rss_kib.0, soaked.rss_kib.1);
     Ok(())

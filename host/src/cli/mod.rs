@@ -225,10 +225,10 @@ impl FromStr for LinkName {
 
 #[derive(Args, Debug)]
 struct LinkArgs {
-    /// What balances: `sim`, the firmware's library; `emulated`, its images on emulated chips; `serial:PATH`, a robot,
+    /// What balances: `sim`, the firmware's library, which it is if nothing is said; `emulated`, its images on emulated chips; `serial:PATH`, a robot,
     /// or `serial` for the only board that is plugged in.
-    #[arg(long, default_value = "sim")]
-    link: LinkName,
+    #[arg(long, value_name = "LINK")]
+    link: Option<LinkName>,
     /// Where the images lie.
     #[arg(long, default_value = IMAGES)]
     images: PathBuf,
@@ -236,14 +236,19 @@ struct LinkArgs {
 
 impl LinkArgs {
     fn images(&self) -> Option<PathBuf> {
-        (self.link == LinkName::Emulated).then(|| self.images.clone())
+        (self.link == Some(LinkName::Emulated)).then(|| self.images.clone())
     }
 
     fn serial(&self) -> Option<&str> {
         match &self.link {
-            LinkName::Serial(link) => Some(link),
+            Some(LinkName::Serial(link)) => Some(link),
             _ => None,
         }
+    }
+
+    /// A simulated robot was asked for in so many words.
+    fn simulated(&self) -> bool {
+        matches!(self.link, Some(LinkName::Sim | LinkName::Emulated))
     }
 }
 
@@ -259,6 +264,9 @@ pub enum CliError {
     /// Evaluating.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// What would have no effect.
+    #[error("{0} mean nothing {1}: leave them out")]
+    Ignored(&'static str, &'static str),
     /// Common pushes on a robot.
     #[error("{0} compares controllers on common pushes, which only a simulator gives: --link sim or emulated")]
     OnlySimulated(&'static str),
@@ -330,6 +338,9 @@ fn train_verb(args: TrainArgs) -> Result<(), CliError> {
     let serial = args.link.serial().map(String::from);
     let operator = Operator { arm: args.arm, link: serial.clone(), pose: args.pose.clone() };
     if let Some(folder) = args.resume {
+        if args.link.simulated() {
+            return Err(CliError::Ignored("--link sim and emulated", "with --resume, which goes on as the run began"));
+        }
         train::resume(&folder, &operator)?;
         return Ok(());
     }
@@ -341,10 +352,20 @@ fn train_verb(args: TrainArgs) -> Result<(), CliError> {
     config.seed = args.seed.unwrap_or(config.seed);
     config.seeds = args.seeds.unwrap_or(config.seeds);
     config.episodes = args.episodes.unwrap_or(config.episodes);
+    let methods_given = args.methods.is_some();
     config.methods = args.methods.unwrap_or(config.methods);
     config.robot.images = args.link.images().or(config.robot.images);
+    if args.link.simulated() {
+        config.link = None;
+    }
     if let Some(link) = &serial {
+        if args.seeds.is_some() || methods_given {
+            return Err(CliError::Ignored("--seeds and --methods", "on a robot, which trains eNAF with one seed"));
+        }
         config = config.on_a_robot(link);
+    }
+    if config.link.is_none() && (args.arm || args.pose.is_some()) {
+        return Err(CliError::Ignored("--arm and --pose", "in simulation"));
     }
     config.validate()?;
     if args.print_config {

@@ -107,6 +107,9 @@ impl Server {
         let heard = self.terminal.exchange(&self.world.host_read())?;
         self.world.host_write(&heard);
         self.attendant.look(self.world.health(), &mut self.world)?;
+        if let Some(memory) = &mut self.memory {
+            memory.keep(&self.world)?;
+        }
         if let Some(logs) = &mut self.logs {
             logs.collect(&mut self.world)?;
         }
@@ -122,9 +125,6 @@ impl Server {
         if now.as_secs() > self.said_s {
             self.said_s = now.as_secs();
             println!("{}", self.line());
-            if let Some(memory) = &mut self.memory {
-                memory.keep(&self.world)?;
-            }
         }
         Ok(())
     }

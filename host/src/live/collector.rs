@@ -1,45 +1,40 @@
 //! The collector: what was heard, by the clock, becomes observations and rewards; and it says when an episode begins.
 //!
 //! ```text
-//!            armed, settled, still for a second                    horizon reached
-//!  Waiting ─────────────────────────────────────► Acting ─────────────────────────► Waiting
-//!     ▲                                            │  └─ fall: brake, wait for somebody to put it back ──┐
-//!     └────────── link lost, halted: spoilt ───────┘                                                     │
-//!     ▲──────────────────────────────────────────────────────────────────────────────────────────────────┘
+//!            armed, start set in force, still for a second         horizon reached
+//!  Waiting ─────────────────────────────────────────────► Acting ─────────────────► Waiting
+//!     ▲                                                    │  └─ fall: brake, wait for somebody to put it back ─┐
+//!     ├────────── link lost, halted: spoilt ───────────────┘                                                    │
+//!     └─────────────────────────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //!
 //! A pure state machine: what was heard and the time in, things to do out. Decisions fall due by the clock, whether or
-//! not the answer to the last one has come.
+//! not the answer to the last one has come. Between episodes the robot runs the set that the session started from, as in
+//! simulation: a set that makes it fall must not be what it is stood up with.
 
-use sarah_protocol::bus::Mode;
+use sarah_protocol::bus::HaltReason;
 use sarah_protocol::host::{Command, Refusal};
 use sarah_protocol::params::{Lpg, ParamSet};
-use sarah_protocol::session::News;
-use sarah_protocol::telemetry::{Telemetry, faults};
+use sarah_protocol::session::{News, State};
+use sarah_protocol::telemetry::{Event, Telemetry};
 
-use super::arming::{Arming, Consent, Lost};
+use super::arming::{Arming, Consent};
 use super::seam::{Act, Seen};
+use super::watch::Watch;
 use crate::enaf::End;
-use crate::link::live::{Ask, Heard, What};
+use crate::link::live::{Ask, Heard, LinkHealth, What};
+use crate::monitor::words::{event_words, fault_advice};
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
-use crate::task::observation::loads_n;
 use crate::task::odometry::Estimate;
 use crate::task::pose_source::PoseSource;
 use crate::task::reward::RewardForm;
 use crate::task::{action, observation};
 
-/// The robot must have been still for this long before an episode begins or it is armed, µs.
-const STILL_US: u64 = 1_000_000;
-/// Slower than this is still, rad/s.
-const STILL_RAD_S: f32 = 0.1;
-/// A robot that leans less, and carries this much on either foot, stands, rad and N.
-const STANDS_RAD: f32 = 0.3;
-const LOADED_N: f32 = 15.0;
 /// A second with fewer telemetry frames than this says too little, of about 100.
 const FRAMES_MIN: usize = 50;
-/// Without telemetry for this long there is no link, µs.
-const SILENCE_US: u64 = 500_000;
+/// A robot that does not brake when it is asked to is asked again after this, µs.
+const AGAIN_US: u64 = 200_000;
 
 const DECISION_US: u64 = (DECISION_S * 1e6) as u64;
 
@@ -56,6 +51,27 @@ pub struct Task {
     pub horizon: usize,
     /// Episodes of the session.
     pub episodes: u64,
+}
+
+/// What a look at everything else finds.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Look {
+    /// Time since the link was opened, µs.
+    pub now_us: u64,
+    /// This host is the writer.
+    pub open: bool,
+    /// The set in force, if it is known and no change is under way.
+    pub held: Option<ParamSet>,
+    /// The learner keeps up.
+    pub learned: bool,
+}
+
+impl Look {
+    /// At a link.
+    pub fn at(now_us: u64, health: &LinkHealth, learned: bool) -> Look {
+        let held = health.params.filter(|_| health.settled);
+        Look { now_us, open: health.up && health.state == State::Open, held, learned }
+    }
 }
 
 /// Something to be done.
@@ -84,6 +100,8 @@ struct Acting {
     due_us: u64,
     decision: usize,
     answered: usize,
+    /// What the current decision asked for.
+    asked: Option<ParamSet>,
     judge: Judge,
     second: Vec<Telemetry>,
     fell: bool,
@@ -93,13 +111,14 @@ struct Acting {
 pub struct Collector {
     task: Task,
     episode: u64,
+    attempt: u32,
     arming: Arming,
-    source: PoseSource,
-    last: Option<(u64, Telemetry)>,
-    still_since_us: Option<u64>,
+    watch: Watch,
     acting: Option<Acting>,
-    /// Brakes that this host asked for, because the robot fell.
+    /// The robot lies; brakes are asked for until it says braked.
     fallen: bool,
+    brake_us: u64,
+    connected: bool,
     counts: Counts,
 }
 
@@ -109,31 +128,57 @@ impl Collector {
         Collector {
             task,
             episode,
+            attempt: 0,
             arming: Arming::default(),
-            source,
-            last: None,
-            still_since_us: None,
+            watch: Watch::new(source),
             acting: None,
             fallen: false,
+            brake_us: 0,
+            connected: false,
             counts: Counts::default(),
         }
     }
 
-    /// Goes over to another session; the robot stays as it is.
+    /// Goes over to another session.
     pub fn switch(&mut self, task: Task, episode: u64) {
         (self.task, self.episode, self.acting) = (task, episode, None);
         self.counts = Counts::default();
     }
 
-    /// The operator allows motion.
+    /// Begins no more episodes; the robot goes over to `set`.
+    pub fn rest(&mut self, set: ParamSet) {
+        self.switch(Task { base: set, episodes: 0, ..self.task }, 0);
+    }
+
+    /// The operator allows motion beforehand, on the command line.
     pub fn allow(&mut self, consent: Consent) {
-        self.arming.allow(consent);
+        self.arming.allow(consent, 0);
+    }
+
+    /// The operator says "arm": heard only while the robot is there, braked and not stopped, so that no word lies around.
+    pub fn word(&mut self, consent: Consent, look: &Look, out: &mut Vec<Do>) {
+        let not = match () {
+            () if !look.open || self.watch.silent(look.now_us) => "the robot does not answer",
+            () if self.watch.stopped() => "the emergency stop is latched: clear it with c first",
+            () if self.watch.armed() => "it is armed already",
+            () => {
+                self.watch.unsettle();
+                return self.arming.allow(consent, look.now_us);
+            }
+        };
+        out.push(Do::Say(format!("not arming: {not}")));
     }
 
     /// The operator stops the robot.
     pub fn stop(&mut self, out: &mut Vec<Do>) {
         out.push(Do::Ask(Ask::EStop));
-        self.lose(Lost::Stop, out);
+        self.lose("emergency stop; clear it with c, then arm with a", out);
+    }
+
+    /// Nobody can say stop any more.
+    pub fn unattended(&mut self, out: &mut Vec<Do>) {
+        self.arming.lose();
+        out.push(Do::Say("the keyboard is gone: nothing will be armed any more; Ctrl-C ends".into()));
     }
 
     /// Counters so far.
@@ -141,152 +186,169 @@ impl Collector {
         self.counts
     }
 
-    /// Whether an episode is under way.
-    pub fn acting(&self) -> bool {
-        self.acting.is_some()
-    }
-
     /// Where the trunk is, by odometry or whoever sees it from outside.
     pub fn estimate(&self) -> Estimate {
-        self.source.estimate()
+        self.watch.estimate()
     }
 
     /// Somebody outside says where the trunk is; what is no pose is dropped.
     pub fn seen_from_outside(&mut self, at_us: u64, datagram: &[u8], out: &mut Vec<Do>) {
-        let before = self.source.external();
-        let result = self.source.heard(at_us as f64 * 1e-6, datagram);
-        match result {
+        let before = self.watch.external();
+        match self.watch.seen_from_outside(at_us, datagram) {
             Ok(()) if !before => out.push(Do::Say("following the external pose".into())),
-            Ok(()) => {}
             Err(error) if before => out.push(Do::Say(format!("an external pose is dropped: {error}"))),
-            Err(_) => {}
+            _ => {}
         }
     }
 
-    /// What the robot said last.
-    pub fn telemetry(&self) -> Option<&Telemetry> {
-        self.last.as_ref().map(|(_, frame)| frame)
-    }
-
     /// Why no episode is under way, in a few words.
-    pub fn waiting_for(&self) -> &'static str {
-        match &self.last {
-            _ if self.acting.is_some() => "nothing",
-            None => "an answer: is the coordinator powered, and its firmware flashed?",
-            Some((_, frame)) if frame.faults & faults::E_STOP != 0 => {
-                "the emergency stop to be cleared (c), then arm (a)"
+    pub fn waiting_for(&self, look: &Look) -> &'static str {
+        match () {
+            () if self.acting.is_some() => "nothing",
+            () if self.watch.telemetry().is_none() => {
+                "an answer: is the coordinator powered, and its firmware flashed?"
             }
-            Some((_, frame)) if frame.mode == Mode::Braked && self.arming.consent() == Consent::None => "arm (a)",
-            Some(_) if self.fallen => "somebody to put the robot back on its feet",
-            Some(_) => "the robot to stand still",
+            () if self.watch.silent(look.now_us) => "the robot to be heard again",
+            () if !look.open => "the robot to let this host write",
+            () if self.episode >= self.task.episodes || !look.learned => "the learner",
+            () if self.watch.stopped() => "the emergency stop to be cleared (c), then arm (a)",
+            () if self.fallen => "somebody to put the robot back on its feet",
+            () if !self.watch.armed() && self.arming.consent(look.now_us) == Consent::None => "arm (a)",
+            () if look.held != Some(self.task.base) => "the session's first set to be in force",
+            () => "the robot to stand still",
         }
     }
 
     /// Something was heard.
     pub fn heard(&mut self, heard: &Heard, out: &mut Vec<Do>) {
         match &heard.what {
-            What::News(News::Telemetry(frame)) => self.saw(heard.at_us, frame, out),
-            What::News(News::Done(Command::Arm { .. })) => {
-                self.arming.done(heard.at_us);
-                self.fallen = false;
-                out.push(Do::Say("armed".into()));
+            What::News(News::Telemetry(frame)) => self.saw(heard.at_us, frame),
+            What::News(News::Event { event, .. }) => self.happened(event, out),
+            What::News(News::Done(Command::Arm { .. })) => self.arming.done(heard.at_us),
+            What::News(News::Refused(command, refusal)) => self.refused(heard.at_us, command, refusal, out),
+            What::NotNow { ask: Ask::Arm, .. } => self.arming.again(heard.at_us),
+            What::News(News::Rebooted) => self.lose("the robot restarted; arm it with a when it stands", out),
+            // After the first time it is a reconnection, even if the port never closed.
+            What::News(News::Connected(_)) if std::mem::replace(&mut self.connected, true) => {
+                self.lose("the link was lost for a while; what was armed is armed still", out);
             }
-            What::News(News::Refused(Command::Arm { .. }, refusal)) => match refusal {
-                Refusal::NotReady(_) => self.arming.refused(heard.at_us),
-                other => {
-                    self.arming.lose();
-                    out.push(Do::Say(format!("not armed: {other}")));
-                }
-            },
-            What::News(News::Refused(Command::Claim, refusal)) => {
-                out.push(Do::Say(format!("{refusal}: end that host, or wait for it; asking again")));
-            }
-            What::News(News::Rebooted) => self.lose(Lost::Restart, out),
             What::Down { why } => {
-                out.push(Do::Say(format!("the link is down ({why}); the robot balances on, trying again")));
-                self.lose(Lost::Link, out);
+                self.lose(&format!("the link is down ({why}); the robot balances on, trying again"), out);
             }
-            What::Up { port } if heard.at_us > 0 => out.push(Do::Say(format!("the link is up on {port}"))),
+            What::Up { port } if heard.at_us > 0 && self.connected => {
+                out.push(Do::Say(format!("the link is up on {port}")));
+            }
             _ => {}
         }
     }
 
-    fn saw(&mut self, at_us: u64, frame: &Telemetry, out: &mut Vec<Do>) {
-        let estimate = self.source.saw(at_us as f64 * 1e-6, frame);
-        let still = estimate.pose.rotation_rad_s < STILL_RAD_S && frame.phases[0] == 0 && stands(frame);
-        match still {
-            true => _ = self.still_since_us.get_or_insert(at_us),
-            false => self.still_since_us = None,
+    fn happened(&mut self, event: &Event, out: &mut Vec<Do>) {
+        match event {
+            // Brakes that this host asked for.
+            Event::Halted(HaltReason::Disarmed) => {}
+            Event::Halted(reason) => {
+                let bits = self.watch.telemetry().map_or(0, |frame| frame.faults);
+                let advice = fault_advice(bits, Some(*reason));
+                let advice: Vec<String> = advice.iter().map(|one| format!("{}: {}", one.what, one.remedy)).collect();
+                self.lose(&format!("{}; {}", event_words(event), advice.join("; ")), out);
+            }
+            Event::Armed | Event::NodeLost(_) | Event::NodeRestarted(_) => out.push(Do::Say(event_words(event))),
+            _ => {}
         }
-        let braked = frame.mode == Mode::Braked;
-        let was_armed = self.last.as_ref().is_some_and(|(_, last)| last.mode == Mode::Armed);
-        self.last = Some((at_us, *frame));
+    }
+
+    fn refused(&mut self, at_us: u64, command: &Command, refusal: &Refusal, out: &mut Vec<Do>) {
+        match (command, refusal) {
+            (Command::Arm { .. }, Refusal::NotReady(_)) => self.arming.again(at_us),
+            (Command::Arm { .. }, other) => {
+                self.arming.lose();
+                out.push(Do::Say(format!("not armed: {other}")));
+            }
+            (Command::Claim, other) => {
+                out.push(Do::Say(format!("{other}: end that host, or wait for it; asking again")));
+            }
+            (Command::Stage { .. } | Command::Commit { .. }, other) => {
+                out.push(Do::Say(format!("the robot refused a set: {other}")));
+            }
+            _ => {}
+        }
+    }
+
+    fn saw(&mut self, at_us: u64, frame: &Telemetry) {
+        let estimate = self.watch.saw(at_us, frame);
         if let Some(acting) = &mut self.acting {
             let now_s = seconds(at_us.saturating_sub(acting.began_us));
             acting.judge.saw(now_s, estimate.pose, std::slice::from_ref(frame));
             acting.second.push(*frame);
             acting.fell |= estimate.fell;
         }
-        if braked && was_armed && !self.fallen {
-            let acting_fell = self.acting.as_ref().is_some_and(|acting| acting.fell);
-            if !acting_fell {
-                self.lose(Lost::Halt, out);
-            }
-        }
     }
 
     /// Time passed.
-    pub fn tick(&mut self, now_us: u64, settled: bool, out: &mut Vec<Do>) {
-        let silent = self.last.as_ref().is_none_or(|(at_us, _)| now_us.saturating_sub(*at_us) > SILENCE_US);
-        match &mut self.acting {
+    pub fn tick(&mut self, look: &Look, out: &mut Vec<Do>) {
+        let silent = self.watch.silent(look.now_us);
+        match &self.acting {
+            _ if silent && self.watch.telemetry().is_some() => {
+                // The port may be open all the same: a robot that comes back is not armed by an old word.
+                self.arming.lose();
+                self.watch.unsettle();
+                self.spoil("the robot is silent", out);
+            }
             Some(acting) if acting.fell => self.fall(out),
-            Some(_) if silent => self.spoil("the robot is silent", out),
-            Some(acting) if now_us >= acting.due_us => self.decide(now_us, out),
+            Some(_) if !self.watch.armed() => self.spoil("the robot is braked", out),
+            Some(acting) if look.now_us >= acting.due_us => self.decide(look, out),
             Some(_) => {}
-            None if silent => {}
-            None => self.wait(now_us, settled, out),
+            None => self.wait(look, out),
+        }
+        if self.fallen && self.watch.armed() && look.now_us >= self.brake_us {
+            self.brake_us = look.now_us + AGAIN_US;
+            out.push(Do::Ask(Ask::Disarm));
         }
     }
 
-    fn wait(&mut self, now_us: u64, settled: bool, out: &mut Vec<Do>) {
-        let still = self.still_since_us.is_some_and(|since| now_us.saturating_sub(since) >= STILL_US);
-        let Some((_, frame)) = &self.last else { return };
-        let estimate = self.source.estimate();
+    fn wait(&mut self, look: &Look, out: &mut Vec<Do>) {
+        let (still, estimate) = (self.watch.still(look.now_us), self.watch.estimate());
         if still && (estimate.fell || !estimate.upright) {
             // Somebody has put it back on its feet, perhaps in a way that odometry could not follow.
-            self.source.reset();
+            self.watch.restart();
         }
-        match frame.mode {
-            Mode::Braked if still && frame.faults & faults::E_STOP == 0 && self.arming.ask(now_us) => {
+        let ready = look.open && look.held == Some(self.task.base);
+        if look.open && look.held.is_some() && !ready {
+            out.push(Do::Ask(Ask::Params(self.task.base)));
+        }
+        if !self.watch.armed() {
+            if still && ready && !self.watch.stopped() && self.arming.ask(look.now_us) {
+                self.fallen = false;
                 out.push(Do::Ask(Ask::Arm));
             }
-            Mode::Armed if self.source.estimate().fell && !self.fallen => {
-                self.fallen = true;
-                out.push(Do::Ask(Ask::Disarm));
-            }
-            Mode::Armed if still && settled && self.episode < self.task.episodes => self.begin(now_us, out),
-            _ => {}
+        } else if estimate.fell {
+            self.fallen = true;
+        } else if still && ready && look.learned && !self.fallen && self.episode < self.task.episodes {
+            self.begin(look.now_us, out);
         }
     }
 
     fn begin(&mut self, now_us: u64, out: &mut Vec<Do>) {
-        self.source.reset();
+        self.watch.restart();
         let mut judge = Judge::new(0.0);
-        judge.saw(0.0, self.source.estimate().pose, &[]);
+        judge.saw(0.0, self.watch.estimate().pose, &[]);
+        self.attempt = self.attempt.wrapping_add(1);
         self.acting = Some(Acting {
             began_us: now_us,
             due_us: now_us + DECISION_US,
             decision: 0,
             answered: 0,
+            asked: None,
             judge,
             second: vec![],
             fell: false,
         });
-        out.push(Do::Send(Seen::Began { episode: self.episode, observation: observation::observe(&[]) }));
+        let (episode, attempt) = (self.episode, self.attempt);
+        out.push(Do::Send(Seen::Began { episode, attempt, observation: observation::observe(&[]) }));
     }
 
     /// A decision is over.
-    fn decide(&mut self, now_us: u64, out: &mut Vec<Do>) {
+    fn decide(&mut self, look: &Look, out: &mut Vec<Do>) {
         let Some(acting) = &mut self.acting else { return };
         if acting.second.len() < FRAMES_MIN {
             return self.spoil("too little telemetry", out);
@@ -295,13 +357,17 @@ impl Collector {
             self.counts.late += 1;
             return self.spoil("the predictor did not answer", out);
         }
-        let reward = acting.judge.decide(seconds(now_us.saturating_sub(acting.began_us))).reward(self.task.reward);
+        if look.held != acting.asked {
+            return self.spoil("its set did not come into force", out);
+        }
+        let now_s = seconds(look.now_us.saturating_sub(acting.began_us));
+        let reward = acting.judge.decide(now_s).reward(self.task.reward);
         acting.decision += 1;
         // By the clock: a late look must not make the next decision shorter or later.
         acting.due_us += DECISION_US;
         let end = (acting.decision >= self.task.horizon).then_some(End::TimeOut);
         let observation = observation::observe(&std::mem::take(&mut acting.second));
-        out.push(Do::Send(Seen::Went { episode: self.episode, observation, reward, end }));
+        out.push(Do::Send(Seen::Went { attempt: self.attempt, observation, reward, end }));
         if end.is_some() {
             self.acting = None;
             self.episode += 1;
@@ -311,59 +377,42 @@ impl Collector {
     fn fall(&mut self, out: &mut Vec<Do>) {
         let Some(acting) = self.acting.take() else { return };
         self.fallen = true;
-        out.push(Do::Ask(Ask::Disarm));
         if acting.answered <= acting.decision {
             // It fell before its action was known: nobody can learn from that.
             self.acting = Some(acting);
             return self.spoil("the robot fell at once", out);
         }
-        let observation = observation::observe(&acting.second);
-        let end = Some(End::Fall);
-        out.push(Do::Send(Seen::Went { episode: self.episode, observation, reward: 0.0, end }));
+        let (observation, end) = (observation::observe(&acting.second), Some(End::Fall));
+        out.push(Do::Send(Seen::Went { attempt: self.attempt, observation, reward: 0.0, end }));
         self.episode += 1;
     }
 
     fn spoil(&mut self, why: &str, out: &mut Vec<Do>) {
         if self.acting.take().is_some() {
             self.counts.spoilt += 1;
-            out.push(Do::Send(Seen::Spoilt { episode: self.episode }));
-            out.push(Do::Say(format!("episode {} is of no use: {why}; it is repeated", self.episode)));
+            out.push(Do::Send(Seen::Spoilt { attempt: self.attempt }));
+            out.push(Do::Say(format!("episode {} is of no use: {why}; it is repeated", self.episode + 1)));
         }
     }
 
-    fn lose(&mut self, lost: Lost, out: &mut Vec<Do>) {
-        let had = self.arming.lose();
-        let (why, remedy) = match lost {
-            Lost::Link => ("the link was lost", ""),
-            Lost::Restart => ("the robot restarted", "; arm it with a when it stands"),
-            Lost::Halt => ("the robot braked by itself", "; see `sarah monitor` for the reason, then arm with a"),
-            Lost::Stop => ("emergency stop", "; clear with c, then arm with a"),
-        };
-        if had && lost != Lost::Link {
-            out.push(Do::Say(format!("{why}{remedy}")));
-        }
-        if lost != Lost::Link {
-            self.fallen = false;
-        }
-        self.spoil(why, out);
+    /// The operator's word is over, and with it the episode.
+    fn lose(&mut self, why: &str, out: &mut Vec<Do>) {
+        self.arming.lose();
+        self.watch.unsettle();
+        self.fallen = false;
+        out.push(Do::Say(why.into()));
+        self.spoil("see above", out);
     }
 
     /// The predictor's answer: the set to ask the robot for, unless it answers something long over.
     pub fn act(&mut self, act: &Act) -> Option<ParamSet> {
-        let acting = self.acting.as_mut()?;
-        if act.episode != self.episode || act.decision != acting.decision {
-            return None;
-        }
+        let attempt = self.attempt;
+        let acting = self.acting.as_mut().filter(|acting| act.attempt == attempt && act.decision == acting.decision)?;
         acting.answered = act.decision + 1;
-        Some(action::decode(&self.task.base, self.task.lpg, &act.action))
+        let set = action::decode(&self.task.base, self.task.lpg, &act.action);
+        acting.asked = Some(set);
+        Some(set)
     }
-}
-
-/// Upright on both feet, as the robot itself sees it.
-fn stands(frame: &Telemetry) -> bool {
-    let [left_heel, left_toe, right_heel, right_toe] = loads_n(frame);
-    let upright = frame.lean.iter().all(|lean| lean.to_f32().abs() < STANDS_RAD);
-    upright && left_heel + left_toe > LOADED_N && right_heel + right_toe > LOADED_N
 }
 
 fn seconds(us: u64) -> f32 {

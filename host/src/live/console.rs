@@ -1,6 +1,6 @@
 //! What the operator types while a robot is trained: one word a line.
 
-use std::io::BufRead;
+use std::io::{BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, channel};
 
 /// A word.
@@ -14,33 +14,44 @@ pub enum Word {
     Clear,
     /// Save and end; the robot balances on.
     Quit,
+    /// What may be typed?
+    Help,
+    /// A keyboard is there no more: nobody can say stop.
+    Gone,
 }
 
 /// What may be typed.
-pub const HELP: &str = "type a + Enter to arm, s to stop at once, c to clear the stop, q to end";
+pub const HELP: &str = "type a + Enter to arm, Enter alone to stop at once, c to clear the stop, q to end";
 
 impl Word {
-    /// The word of a line. An empty line while something moves is most likely a hand that fell on the keyboard: a stop.
-    pub fn of(line: &str) -> Option<Word> {
+    /// The word of a line. What is no word is most likely a hand that fell on the keyboard: a stop.
+    pub fn of(line: &str) -> Word {
         match line.trim() {
-            "a" | "arm" => Some(Word::Arm),
-            "" | "s" | "stop" => Some(Word::Stop),
-            "c" | "clear" => Some(Word::Clear),
-            "q" | "quit" => Some(Word::Quit),
-            _ => None,
+            "a" | "arm" => Word::Arm,
+            "c" | "clear" => Word::Clear,
+            "q" | "quit" => Word::Quit,
+            "?" | "h" | "help" => Word::Help,
+            _ => Word::Stop,
         }
     }
 }
 
-/// Listens to the standard input from now on. Lines that are no word come as `None`.
-pub fn listen() -> Receiver<Option<Word>> {
+/// Listens to the standard input from now on.
+pub fn listen() -> Receiver<Word> {
     let (said, words) = channel();
     std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines() {
-            let Ok(line) = line else { break };
-            if said.send(Word::of(&line)).is_err() {
-                break;
+        let mut input = std::io::stdin().lock();
+        let mut line = vec![];
+        // Bytes, not text: a stop must get through whatever was typed.
+        while input.read_until(b'\n', &mut line).is_ok_and(|count| count > 0) {
+            if said.send(Word::of(&String::from_utf8_lossy(&line))).is_err() {
+                return;
             }
+            line.clear();
+        }
+        if std::io::stdin().is_terminal() {
+            // Nobody listens if the run is over.
+            let _ = said.send(Word::Gone);
         }
     });
     words
@@ -52,10 +63,11 @@ mod tests {
 
     #[test]
     fn anything_pressed_in_a_hurry_stops() {
-        for line in ["", "s", "stop", " s "] {
-            assert_eq!(Word::of(line), Some(Word::Stop), "{line:?}");
+        for line in ["", "s", "stop", " s ", "asdf", "aa", "\u{fffd}\u{fffd}", "arm now"] {
+            assert_eq!(Word::of(line), Word::Stop, "{line:?}");
         }
-        assert_eq!(Word::of("a"), Some(Word::Arm));
-        assert_eq!(Word::of("arm now"), None);
+        for (line, word) in [("a", Word::Arm), ("c\r\n", Word::Clear), ("q", Word::Quit), ("?", Word::Help)] {
+            assert_eq!(Word::of(line), word);
+        }
     }
 }

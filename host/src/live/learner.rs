@@ -60,14 +60,20 @@ impl Learner {
         self.learned.try_recv().ok()
     }
 
-    /// Whether it has failed; [`Learner::finish`] tells why.
-    pub fn failed(&self) -> bool {
+    /// No more episodes will come.
+    pub fn close(&mut self) {
+        self.episodes = None;
+    }
+
+    /// Whether everything handed over has been learned from, after [`Learner::close`]; or it failed.
+    /// [`Learner::finish`] tells which.
+    pub fn over(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Waits for what was handed over to be learned from and saved.
     pub fn finish(mut self) -> Result<Learning, TrainError> {
-        self.episodes = None;
+        self.close();
         let thread = self.thread.take().map(JoinHandle::join);
         thread.and_then(Result::ok).unwrap_or(Err(TrainError::Stopped))
     }

@@ -14,6 +14,7 @@
 //! two decisions. [`seam`] is all that collector and predictor say to each other, and could as well be a network.
 //!
 //! - [`collector`]: telemetry to observations and rewards; when an episode begins and ends. [`arming`]: who allowed what.
+//! - [`watch`]: what the robot is doing.
 //! - [`predictor`]: observation to action. [`learner`]: episodes to weights, and the run folder.
 //! - [`console`]: what the operator types. [`trainer`]: all of it together. [`recorder`]: everything heard, on disk.
 
@@ -25,3 +26,4 @@ pub mod predictor;
 pub mod recorder;
 pub mod seam;
 pub mod trainer;
+pub mod watch;

@@ -41,47 +41,47 @@ pub enum Answer {
 pub struct Predictor {
     actor: Actor,
     weights: Weights,
-    /// The episode under way.
-    episode: Option<u64>,
+    /// The attempt under way.
+    attempt: Option<u32>,
 }
 
 impl Predictor {
     /// A predictor that takes its weights over from `weights` as they come.
     pub fn new(actor: Actor, weights: Weights) -> Predictor {
-        Predictor { actor, weights, episode: None }
+        Predictor { actor, weights, attempt: None }
     }
 
     /// Answers the collector. What belongs to no episode under way is ignored.
     pub fn on(&mut self, seen: &Seen) -> Result<Answer, EnafError> {
         match seen {
-            Seen::Began { episode, observation } => {
-                self.episode = Some(*episode);
+            Seen::Began { attempt, observation, .. } => {
+                self.attempt = Some(*attempt);
                 self.actor.begin();
-                self.act(*episode, observation)
+                self.act(*attempt, observation)
             }
-            Seen::Went { episode, observation, reward, end } if self.episode == Some(*episode) => {
+            Seen::Went { attempt, observation, reward, end } if self.attempt == Some(*attempt) => {
                 self.actor.earned(*reward)?;
                 match end {
-                    None => self.act(*episode, observation),
+                    None => self.act(*attempt, observation),
                     Some(end) => {
-                        self.episode = None;
+                        self.attempt = None;
                         Ok(Answer::Played(Box::new(self.actor.end(observation, *end == End::Fall)?)))
                     }
                 }
             }
-            Seen::Spoilt { episode } if self.episode == Some(*episode) => {
-                self.episode = None;
+            Seen::Spoilt { attempt } if self.attempt == Some(*attempt) => {
+                self.attempt = None;
                 Ok(Answer::Nothing)
             }
             _ => Ok(Answer::Nothing),
         }
     }
 
-    fn act(&mut self, episode: u64, observation: &[f32]) -> Result<Answer, EnafError> {
+    fn act(&mut self, attempt: u32, observation: &[f32]) -> Result<Answer, EnafError> {
         if let Some(weights) = self.weights.fetch() {
             self.actor.exchange(&weights);
         }
         let decision = self.actor.decisions();
-        Ok(Answer::Act(Act { episode, decision, action: self.actor.decide(observation)? }))
+        Ok(Answer::Act(Act { attempt, decision, action: self.actor.decide(observation)? }))
     }
 }

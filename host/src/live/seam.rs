@@ -11,13 +11,15 @@ pub enum Seen {
     Began {
         /// Number of the episode, from 0 in each session.
         episode: u64,
+        /// Tells it from another attempt at the same episode.
+        attempt: u32,
         /// `[O]`.
         observation: Vec<f32>,
     },
     /// The last action has been held for one decision.
     Went {
-        /// The episode.
-        episode: u64,
+        /// The attempt.
+        attempt: u32,
         /// `[O]`: what was seen of the decision.
         observation: Vec<f32>,
         /// What it earned.
@@ -27,16 +29,16 @@ pub enum Seen {
     },
     /// The episode is of no use to anybody.
     Spoilt {
-        /// The episode.
-        episode: u64,
+        /// The attempt.
+        attempt: u32,
     },
 }
 
 /// Predictor to collector: hold this action for the next decision.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Act {
-    /// The episode.
-    pub episode: u64,
+    /// The attempt at an episode.
+    pub attempt: u32,
     /// The decision in it, from 0.
     pub decision: usize,
     /// `[A]`, in [-1, 1].

@@ -6,13 +6,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
+use sarah_protocol::host::Which;
 use sarah_protocol::params::{Lpg, ParamSet};
-use sarah_protocol::session::News;
+use sarah_protocol::session::{News, State};
+use sarah_protocol::telemetry::Event;
 use sarah_sim::robot::Geometry;
 use sarah_sim::sil::SilError;
 
 use super::arming::Consent;
-use super::collector::{Collector, Do, Task};
+use super::collector::{Collector, Counts, Do, Look, Task};
 use super::console::{self, Word};
 use super::learner::{Learner, Learning};
 use super::predictor::{Answer, Predictor, Weights};
@@ -37,6 +39,8 @@ use crate::train::{Chain, Method, TrainConfig, TrainError, outcome, session::Tra
 const LOOK: Duration = Duration::from_millis(5);
 /// The operator is told what is waited for when that has lasted for this long.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// A robot that is there says hello within this.
+const HELLO: Duration = Duration::from_secs(3);
 /// The final set takes force at the next cycle boundary; a robot that stands still is always at one.
 const LAST_SET: Duration = Duration::from_secs(10);
 
@@ -53,34 +57,107 @@ pub struct Robot {
     pub pose: Option<String>,
 }
 
-/// Trains the robot; ends early, to be resumed, when the operator says so.
-pub fn train(config: &TrainConfig, robot: &Robot, folder: &RunFolder, info: &RunInfo) -> Result<PathBuf, TrainError> {
+/// A robot that answers, and what else a run needs before anything is written.
+pub struct Reached<'a> {
+    robot: &'a Robot,
+    link: Link,
+    geometry: Geometry,
+    poses: Option<PoseSocket>,
+}
+
+/// Opens the port and waits for the robot's hello.
+pub fn reach(robot: &Robot) -> Result<Reached<'_>, TrainError> {
     let geometry = Geometry::load().map_err(SilError::from).map_err(LinkError::from).map_err(EvaluateError::from)?;
     let poses = robot.pose.as_deref().map(listen_for_poses).transpose()?;
     let link = Link::open(&robot.target, Role::Writer)?;
+    let end = Instant::now() + HELLO;
+    loop {
+        match link.health().state {
+            State::Failed(error) => return Err(error.into()),
+            State::Greeting if Instant::now() > end => return Err(TrainError::NoAnswer(link.health().port)),
+            State::Greeting => std::thread::sleep(LOOK),
+            _ => return Ok(Reached { robot, link, geometry, poses }),
+        }
+    }
+}
+
+/// Trains the robot; ends early, to be resumed, when the operator says so.
+pub fn train(
+    config: &TrainConfig,
+    reached: Reached<'_>,
+    folder: &RunFolder,
+    info: &RunInfo,
+) -> Result<PathBuf, TrainError> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = interrupted.clone();
     // Without the handler the signal ends the process at once, which the journal survives too.
     let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
     let progress = Progress::new(3 * u64::from(config.episodes));
-    progress.phase(&format!("training on {} in {}", link.health().port, folder.layout().root().display()));
+    progress.phase(&format!("training on {} in {}", reached.link.health().port, folder.layout().root().display()));
     progress.print(console::HELP);
-    let recorder = Recorder::start(&folder.layout().root().join("recordings"), &link)?;
-    let mut collector = None;
-    let mut chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![] };
-    let words = console::listen();
-    let mut bench = Bench { robot, link: &link, geometry, poses, recorder, words, interrupted, progress: &progress };
+    let recorder = Recorder::start(&folder.layout().root().join("recordings"), &reached.link)?;
+    let (chain, mut bench) = {
+        let (_, first) = open(config, folder, Lpg::ALL[0], ParamSet::table_ii(), 1)?;
+        let mut collector = Collector::new(first, 0, PoseSource::new(Odometry::new(reached.geometry)));
+        if reached.robot.arm {
+            collector.allow(reached.robot.consent);
+        }
+        let chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![] };
+        let words = console::listen();
+        (chain, Bench { reached, collector, recorder, words, interrupted, progress: &progress, ended: false })
+    };
+    let result = sessions(config, folder, chain, &mut bench).and_then(|chain| match chain {
+        None => Ok(None),
+        Some(chain) => {
+            let applied = bench.leave(&chain.base(3));
+            let report = outcome::on_a_robot(config, folder, info, &chain)?;
+            outcome::write_report(folder.layout(), &report)?;
+            Ok(Some(applied))
+        }
+    });
+    if let Err(error) = bench.recorder.finish() {
+        progress.print(&format!("the recording ended early: {error}"));
+    }
+    progress.finish();
+    println!("{}", bench.farewell());
+    let root = folder.layout().root().to_path_buf();
+    let link = link_name(&bench.reached.robot.target);
+    match result? {
+        None => println!("to go on: sarah train --resume {}", root.display()),
+        Some(applied) => {
+            if !applied {
+                println!("the trained set did not come into force");
+            }
+            println!(
+                "report: {}\nparameters: {}",
+                folder.layout().report().display(),
+                folder.layout().params().display()
+            );
+            println!(
+                "10 s from now the robot returns to its stored set; to keep the trained one:\n  \
+                 sarah params set --from {} --link {link} --commit",
+                root.display()
+            );
+        }
+    }
+    Ok(root)
+}
+
+/// The sessions in order; `None` if the operator ended them.
+fn sessions(
+    config: &TrainConfig,
+    folder: &RunFolder,
+    mut chain: Chain,
+    bench: &mut Bench<'_>,
+) -> Result<Option<Chain>, TrainError> {
     for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
         let number = index as u8 + 1;
         let base = chain.base(index);
         let (learning, task) = open(config, folder, lpg, base, number)?;
-        progress.skip(learning.journal.episodes().into());
-        let (learning, ended) = bench.session(learning, task, &mut collector, number)?;
-        if ended {
-            progress.finish();
-            println!("{}", bench.farewell());
-            println!("to go on: sarah train --resume {}", folder.layout().root().display());
-            return Ok(folder.layout().root().to_path_buf());
+        bench.progress.skip(learning.journal.episodes().into());
+        let learning = bench.session(learning, task, number)?;
+        if bench.ended {
+            return Ok(None);
         }
         let metrics = read_metrics(&folder.layout().metrics(Method::Enaf.folder(), config.seed, number))?;
         let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
@@ -89,26 +166,11 @@ pub fn train(config: &TrainConfig, robot: &Robot, folder: &RunFolder, info: &Run
         let constants = action::decode(&base, lpg, &learning.trainer.mean_action());
         chain.sessions.push(Trained { constants, policy: None, broken: learning.journal.broken() });
     }
-    let trained = chain.base(3);
-    let applied = bench.leave(&trained);
-    let report = outcome::on_a_robot(config, folder, info, &chain)?;
-    outcome::write_report(folder.layout(), &report)?;
-    progress.finish();
-    println!("{}", bench.farewell());
-    if !applied {
-        println!("the trained set could not be handed over; `sarah params set --from {0} --link …`", params(folder));
-    }
-    println!("report: {}\nparameters: {}", folder.layout().report().display(), params(folder));
-    println!("to keep them over power cycles: sarah params commit --link {}", link_name(&robot.target));
-    Ok(folder.layout().root().to_path_buf())
+    Ok(Some(chain))
 }
 
 fn listen_for_poses(address: &str) -> Result<PoseSocket, TrainError> {
     PoseSocket::bind(address).map_err(|source| TrainError::Poses { address: address.into(), source })
-}
-
-fn params(folder: &RunFolder) -> String {
-    folder.layout().params().display().to_string()
 }
 
 fn link_name(target: &Target) -> String {
@@ -140,68 +202,52 @@ fn open(
 
 /// Everything a session is run with.
 struct Bench<'a> {
-    robot: &'a Robot,
-    link: &'a Link,
-    geometry: Geometry,
-    poses: Option<PoseSocket>,
+    reached: Reached<'a>,
+    collector: Collector,
     recorder: Recorder,
-    words: Receiver<Option<Word>>,
+    words: Receiver<Word>,
     interrupted: Arc<AtomicBool>,
     progress: &'a Progress,
+    /// The operator has had enough.
+    ended: bool,
 }
 
 impl Bench<'_> {
-    /// Runs one session; true if the operator ended it.
-    fn session(
-        &mut self,
-        learning: Learning,
-        task: Task,
-        collector: &mut Option<Collector>,
-        number: u8,
-    ) -> Result<(Learning, bool), TrainError> {
-        let next = learning.trainer.episodes();
-        let collector = match collector {
-            Some(collector) => {
-                collector.switch(task, next);
-                collector
-            }
-            None => {
-                let mut first = Collector::new(task, next, PoseSource::new(Odometry::new(self.geometry)));
-                if self.robot.arm {
-                    first.allow(self.robot.consent);
-                }
-                collector.insert(first)
-            }
-        };
+    /// Runs one session, or what the operator wants of it. The robot is watched until its last episode is learned.
+    fn session(&mut self, learning: Learning, task: Task, number: u8) -> Result<Learning, TrainError> {
+        let mut learned = learning.trainer.episodes();
+        let mut handed = learned;
+        self.collector.switch(task, learned);
         let weights = Weights::default();
         let (seen, answers) = predict(Predictor::new(learning.trainer.actor(), weights.clone()));
-        let learner = Learner::start(learning, weights);
-        let mut learned = next;
+        let mut learner = Learner::start(learning, weights);
         let mut spoilt = 0;
         let mut waiting = Waiting::default();
         let mut out = vec![];
-        let mut ended = false;
-        while learned < task.episodes && !ended {
-            self.listen(collector, &mut out)?;
-            collector.tick(self.link.now_us(), self.link.health().settled, &mut out);
-            ended |= self.obey(collector, &mut out);
+        while !learner.over() {
+            if learned >= task.episodes || self.ended {
+                learner.close();
+            }
+            // Weights must not fall far behind, and a kill must not cost more than what is being learned.
+            let look = self.look(handed - learned <= 1, &mut out);
             for item in out.drain(..) {
                 match item {
                     // A predictor that failed says so below.
                     Do::Send(message) => _ = seen.send(message),
-                    Do::Ask(ask) => self.link.ask(ask),
+                    Do::Ask(ask) => self.reached.link.ask(ask),
                     Do::Say(text) => self.progress.print(&text),
                 }
             }
             loop {
                 match answers.try_recv() {
                     Ok(Ok(Answer::Act(act))) => {
-                        if let Some(set) = collector.act(&act) {
-                            self.link.ask(Ask::Params(set));
+                        if let Some(set) = self.collector.act(&act) {
+                            self.reached.link.ask(Ask::Params(set));
                         }
                     }
                     Ok(Ok(Answer::Played(played))) => {
-                        let all = collector.counts().spoilt;
+                        let all = self.collector.counts().spoilt;
+                        handed = played.number + 1;
                         learner.learn(*played, all - std::mem::replace(&mut spoilt, all));
                     }
                     Ok(Ok(Answer::Nothing)) => {}
@@ -214,59 +260,70 @@ impl Bench<'_> {
                 learned = log.episode + 1;
                 self.progress.episode(Some(line(&log, number)));
             }
-            if learner.failed() {
-                break;
-            }
-            if let Some(what) = waiting.long(collector.waiting_for()) {
+            if let Some(what) = waiting.long(self.collector.waiting_for(&look)) {
                 self.progress.print(&format!("waiting for {what}"));
             }
         }
-        Ok((learner.finish()?, ended))
+        let counts = self.collector.counts();
+        if counts.spoilt > 0 {
+            let Counts { spoilt, late } = counts;
+            self.progress.print(&format!("session {number}: {spoilt} episodes of no use, {late} for late answers"));
+        }
+        learner.finish()
     }
 
-    /// What was heard, within [`LOOK`].
-    fn listen(&mut self, collector: &mut Collector, out: &mut Vec<Do>) -> Result<(), TrainError> {
+    /// What was heard and typed since the last look, and what follows from it.
+    fn look(&mut self, learned: bool, out: &mut Vec<Do>) -> Look {
+        let Reached { link, poses, robot, .. } = &self.reached;
         let mut patience = LOOK;
-        while let Some(heard) = self.link.next(patience) {
+        while let Some(heard) = link.next(patience) {
             patience = Duration::ZERO;
-            if let What::News(News::Failed(error)) = &heard.what {
-                return Err((*error).into());
+            self.collector.heard(&heard, out);
+            if let What::News(News::Event { event: Event::Applied { .. }, .. } | News::Connected(_)) = heard.what {
+                // For the recording: an event has no values.
+                out.push(Do::Ask(Ask::Get(Which::Applied)));
             }
-            collector.heard(&heard, out);
-            let pose = matches!(heard.what, What::News(_)).then(|| collector.estimate());
-            self.recorder.heard(heard, pose)?;
+            let pose = matches!(heard.what, What::News(_)).then(|| self.collector.estimate());
+            if let Some(error) = self.recorder.heard(heard, pose, link) {
+                out.push(Do::Say(format!("the recording ended ({error}); training goes on without it")));
+            }
         }
-        if let Some(poses) = &self.poses {
-            let now_us = self.link.now_us();
+        if let Some(poses) = poses {
+            let now_us = link.now_us();
             // A source that fails is one that is silent: odometry goes on.
-            let _ = poses.receive(|datagram| collector.seen_from_outside(now_us, datagram, out));
+            let _ = poses.receive(|datagram| self.collector.seen_from_outside(now_us, datagram, out));
         }
-        Ok(())
-    }
-
-    /// What the operator typed; true if it is enough.
-    fn obey(&mut self, collector: &mut Collector, out: &mut Vec<Do>) -> bool {
-        let mut enough = self.interrupted.load(Ordering::Relaxed);
+        let look = Look::at(link.now_us(), &link.health(), learned);
         while let Ok(word) = self.words.try_recv() {
             match word {
-                Some(Word::Arm) => collector.allow(self.robot.consent),
-                Some(Word::Stop) => collector.stop(out),
-                Some(Word::Clear) => out.push(Do::Ask(Ask::ClearEStop)),
-                Some(Word::Quit) => enough = true,
-                None => out.push(Do::Say(console::HELP.into())),
+                Word::Arm => self.collector.word(robot.consent, &look, out),
+                Word::Stop => self.collector.stop(out),
+                Word::Clear => out.push(Do::Ask(Ask::ClearEStop)),
+                Word::Quit => self.ended = true,
+                Word::Help => out.push(Do::Say(console::HELP.into())),
+                Word::Gone => self.collector.unattended(out),
             }
         }
-        enough
+        self.ended |= self.interrupted.load(Ordering::Relaxed);
+        self.collector.tick(&look, out);
+        look
     }
 
-    /// Hands the robot its last set; whether it took it.
+    /// Hands the robot its last set; whether it took it. It is watched until then.
     fn leave(&mut self, set: &ParamSet) -> bool {
-        self.link.ask(Ask::Params(*set));
+        self.collector.rest(*set);
         let end = Instant::now() + LAST_SET;
+        let mut out = vec![];
         while Instant::now() < end {
-            _ = self.link.next(LOOK);
-            if self.link.health().params == Some(*set) {
+            if self.look(true, &mut out).held == Some(*set) {
                 return true;
+            }
+            for item in out.drain(..) {
+                match item {
+                    Do::Ask(ask) => self.reached.link.ask(ask),
+                    Do::Say(text) => self.progress.print(&text),
+                    Do::Send(_) => {}
+                }
             }
         }
         false
@@ -274,7 +331,7 @@ impl Bench<'_> {
 
     /// How the robot is left.
     fn farewell(&self) -> String {
-        let health = self.link.health();
+        let health = self.reached.link.health();
         match health.up {
             true => format!("the robot goes on with generation {}", health.applied),
             false => "the robot goes on with what it has; its link is down".into(),

@@ -26,7 +26,7 @@ mod tests;
 mod text;
 mod trend;
 mod view;
-mod words;
+pub mod words;
 
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};

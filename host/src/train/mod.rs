@@ -24,11 +24,11 @@ use thiserror::Error;
 
 use crate::enaf::EnafError;
 use crate::evaluate::{EvaluateError, parallel};
-use crate::link::port::{self, PortError};
+use crate::link::port::PortError;
 use crate::link::sim::SimRobot;
 use crate::live;
 use crate::live::arming::Consent;
-use crate::live::trainer::Robot;
+use crate::live::trainer::{Reached, Robot};
 use crate::progress::Progress;
 use crate::recording::RecordingError;
 use crate::run::{RunError, RunFolder, RunInfo, event_file, read_metrics};
@@ -90,6 +90,9 @@ pub enum TrainError {
     /// The robot's port.
     #[error(transparent)]
     Port(#[from] PortError),
+    /// Nobody says hello.
+    #[error("no answer on {0}: is the coordinator powered, and flashed with this version? `cargo sarah flash` does it")]
+    NoAnswer(String),
     /// Poses from outside.
     #[error("cannot listen for poses at {address}: {source}; give --pose ADDRESS:PORT of this machine that is free")]
     Poses {
@@ -159,17 +162,15 @@ pub fn train(config: &TrainConfig, out: &Path, operator: &Operator) -> Result<Pa
     let config = &config.resolved().map_err(ConfigError::from)?;
     let robot = operator.robot(config)?;
     // A robot that cannot be built or reached is refused before anything is written.
-    match &robot {
-        Some(robot) => drop(port::open(&robot.target)?),
-        None => {
-            let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
-            SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
-        }
+    let reached = robot.as_ref().map(live::trainer::reach).transpose()?;
+    if reached.is_none() {
+        let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
+        SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
     }
     let seeds = (config.seed..config.seed + config.seeds).collect();
     let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
     let folder = RunFolder::create(out, &config.to_toml()?, &info)?;
-    run(config, robot, &folder, &info)
+    run(config, reached, &folder, &info)
 }
 
 /// Goes on with a run that was cut off; ends as it would have without the cut.
@@ -180,12 +181,19 @@ pub fn resume(out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     if config.link.is_none() && operator.link.is_some() {
         return Err(ConfigError::Field { field: "--link", rule: "left out: this run trains in simulation" }.into());
     }
-    run(&config, operator.robot(&config)?, &folder, &info)
+    let robot = operator.robot(&config)?;
+    let reached = robot.as_ref().map(live::trainer::reach).transpose()?;
+    run(&config, reached, &folder, &info)
 }
 
-fn run(config: &TrainConfig, robot: Option<Robot>, folder: &RunFolder, info: &RunInfo) -> Result<PathBuf, TrainError> {
+fn run(
+    config: &TrainConfig,
+    robot: Option<Reached<'_>>,
+    folder: &RunFolder,
+    info: &RunInfo,
+) -> Result<PathBuf, TrainError> {
     if let Some(robot) = robot {
-        return live::trainer::train(config, &robot, folder, info);
+        return live::trainer::train(config, robot, folder, info);
     }
     let chains = (config.seeds * config.methods.len() as u64) as usize;
     let training = chains as u64 * 3 * u64::from(config.episodes);

@@ -68,6 +68,10 @@ impl HostSession {
             Report::Ack(ack) => self.on_ack(now_us, ack, news),
             Report::Params(params) => {
                 if params.which == Which::Applied {
+                    // A late answer to an earlier question: the one asked now is still to come.
+                    if newer(self.applied, params.generation) {
+                        return;
+                    }
                     self.learn(params.generation);
                 }
                 let asked = ToRobot::Command(Command::GetParams(params.which));
