@@ -3,13 +3,14 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use sarah_protocol::host::{Command, Which};
+use sarah_protocol::newer;
 use sarah_protocol::params::{ParamSet, SPECS};
 use sarah_protocol::session::News;
 use sarah_protocol::telemetry::Event;
 use sarah_sim::world::World;
 
 use super::BenchError;
-use super::wire::Wire;
+use super::wire::{PATIENCE_US, Wire};
 
 /// A frame that waits for the bus is on it by then, µs.
 const ON_THE_BUS_US: u64 = 2_000;
@@ -39,40 +40,52 @@ impl Times {
     }
 }
 
-/// Asks for `tries` random sets. Each must come into force once, whole, and under the next number.
-pub fn parameters<W: World>(wire: &mut Wire<W>, tries: u32, seed: u64, tick: &dyn Fn()) -> Result<Times, BenchError> {
+/// Asks for `tries` random sets. Each must come into force whole, under a newer number than the one before, and no number
+/// twice. The robot may go to a set of its own in between, as it does when its host was silent for long.
+pub fn parameters<W: World>(
+    wire: &mut Wire<W>,
+    tries: u32,
+    seed: u64,
+    tick: &dyn Fn(),
+) -> Result<Times, BenchError> {
     wire.connect()?;
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let mut times = vec![];
+    let (mut times, mut news, mut told) = (vec![], vec![], None);
     let mut last = wire.client.session().applied();
     for _ in 0..tries {
         let now = *wire.client.applied().ok_or_else(|| wire.broken("the set in force is not known".into()))?;
         let set = within_reach(&now, &mut rng);
         wire.client.set_params(set);
-        let mut told = 0;
-        times.push(wire.until("a set to be applied", |news| {
-            told += u32::from(matches!(news, News::Event { event: Event::Applied { .. }, .. }));
-            matches!(news, News::Applied { .. })
-        })?);
+        let began_us = wire.world.now_us();
+        while !wire.client.settled() || wire.client.applied() != Some(&set) {
+            wire.look(&mut news)?;
+            for item in news.drain(..) {
+                if let News::Event { event: Event::Applied { generation, .. }, .. } = item
+                    && told.replace(generation) == Some(generation)
+                {
+                    return Err(wire.broken(format!("generation {generation} came into force twice")));
+                }
+            }
+            if wire.world.now_us() - began_us > PATIENCE_US {
+                return Err(wire.broken("a set does not come into force".into()));
+            }
+        }
+        times.push(wire.world.now_us() - began_us);
         let generation = wire.client.session().applied();
-        if generation != last.wrapping_add(1) {
+        if !newer(generation, last) {
             return Err(wire.broken(format!("generation {generation} followed {last}")));
         }
         last = generation;
         wire.client.session_mut().get_params(Which::Applied).map_err(|why| wire.broken(why.to_string()))?;
         let mut held = None;
         wire.until("the set in force", |news| {
-            told += u32::from(matches!(news, News::Event { event: Event::Applied { .. }, .. }));
             if let News::Params(report) = news {
-                held = report.params;
+                held = report.params.map(|set| (report.generation, set));
             }
             held.is_some()
         })?;
-        if held != Some(*set.values()) {
-            return Err(wire.broken(format!("asked for {:?}, in force is {held:?}", set.values())));
-        }
-        if told > 1 {
-            return Err(wire.broken(format!("generation {generation} came into force {told} times")));
+        if held != Some((generation, *set.values())) {
+            return Err(wire.broken(format!("generation {generation} is {:?}, in force is {held:?}", set.values())));
         }
         tick();
     }

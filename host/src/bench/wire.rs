@@ -9,7 +9,7 @@ use crate::link::client::Client;
 /// The host looks at the link this often, µs.
 pub const LOOK_US: u64 = 100;
 /// What takes longer than this has failed, µs.
-const PATIENCE_US: u64 = 10_000_000;
+pub const PATIENCE_US: u64 = 10_000_000;
 
 /// A host and its robot.
 pub struct Wire<W> {

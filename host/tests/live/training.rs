@@ -71,8 +71,11 @@ fn a_killed_trainer_leaves_the_robot_balancing_and_can_be_resumed() {
     let mut child = start(&bench, 3);
     let run = bench.path("run");
     wait("two episodes", || rows(&run, 1) >= 2);
+    bench.wait("the robot to move", Bench::armed);
     child.kill().expect("kills");
     child.wait().expect("ends");
+    // What was committed with its last breath takes force at a cycle boundary.
+    std::thread::sleep(Duration::from_millis(500));
     let (generation, _) = bench.applied();
     std::thread::sleep(Duration::from_secs(1));
     assert!(bench.armed() && bench.applied().0 == generation, "it goes on with the last set");
