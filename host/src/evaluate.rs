@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use sarah_protocol::params::{Lpg, ParamSet};
 use sarah_protocol::telemetry::Telemetry;
 use sarah_sim::energy::{BATTERY_J, EnergyConfig};
-use sarah_sim::robot::{Health, Joint};
+use sarah_sim::robot::{Geometry, Health, Joint};
 use sarah_sim::scenario::{Episode, Scenario};
-use sarah_sim::sil::SilConfig;
+use sarah_sim::sil::{SilConfig, SilError};
 use thiserror::Error;
 
 use crate::enaf::{EnafError, Policy};
@@ -20,6 +20,8 @@ use crate::task::action;
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
 use crate::task::observation::{acceleration_m_s2, loads_n, observe, rate_rad_s};
+use crate::task::odometry::Odometry;
+use crate::task::odometry::audit::{Audit, FALL_WITHIN_S};
 use crate::task::reward::RewardForm;
 
 /// Who balances.
@@ -88,6 +90,8 @@ pub fn run_episode(
     }
     let mut judge = Judge::new(robot.now_s());
     judge.saw(robot.now_s(), robot.pose(), &[]);
+    let geometry = Geometry::load().map_err(SilError::from).map_err(LinkError::from)?;
+    let (mut odometry, mut audit) = (Odometry::new(geometry), Audit::default());
     let origin = robot.pose().position_m;
     let (mut paper, mut gated) = (0.0, 0.0);
     let horizon = ((episode.duration_s - episode.settle_s) / DECISION_S).max(1.0);
@@ -107,8 +111,11 @@ pub fn run_episode(
         let now_s = robot.now_s();
         if pushed {
             judge.pushed(now_s);
+            audit.pushed(now_s);
         }
         judge.saw(now_s, robot.pose(), &telemetry);
+        telemetry.iter().for_each(|frame| _ = odometry.saw(frame));
+        audit.saw(now_s, &robot.pose(), matches!(health, Health::Fallen { .. }), &odometry.estimate());
         if let Some(recording) = recording.as_deref_mut() {
             record(recording, &robot, &telemetry, origin);
         }
@@ -122,6 +129,14 @@ pub fn run_episode(
     }
     let at_s = robot.now_s();
     let energy = robot.body().meter().energy();
+    if let Health::Fallen { .. } = health {
+        // It lies there until odometry has had the time to tell.
+        robot.world_mut().run_on();
+        while robot.now_s() < at_s + FALL_WITHIN_S {
+            robot.advance()?.telemetry.iter().for_each(|frame| _ = odometry.saw(frame));
+            audit.saw(robot.now_s(), &robot.pose(), true, &odometry.estimate());
+        }
+    }
     Ok(EpisodeResult {
         direction_deg: episode.direction.and(episode.pushes.first()).map(|push| push.direction_deg),
         impulse_n_s: episode.pushes.first().map_or(0.0, |push| push.impulse_n_s),
@@ -143,6 +158,7 @@ pub fn run_episode(
         },
         reward_paper: paper / horizon.floor(),
         reward_gated: gated / horizon.floor(),
+        odometry: Some(audit.finish()),
     })
 }
 

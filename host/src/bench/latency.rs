@@ -42,12 +42,7 @@ impl Times {
 
 /// Asks for `tries` random sets. Each must come into force whole, under a newer number than the one before, and no number
 /// twice. The robot may go to a set of its own in between, as it does when its host was silent for long.
-pub fn parameters<W: World>(
-    wire: &mut Wire<W>,
-    tries: u32,
-    seed: u64,
-    tick: &dyn Fn(),
-) -> Result<Times, BenchError> {
+pub fn parameters<W: World>(wire: &mut Wire<W>, tries: u32, seed: u64, tick: &dyn Fn()) -> Result<Times, BenchError> {
     wire.connect()?;
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let (mut times, mut news, mut told) = (vec![], vec![], None);

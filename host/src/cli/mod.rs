@@ -30,6 +30,7 @@ use crate::progress::Progress;
 use crate::recording::RecordingError;
 use crate::report::{ControllerReport, Evaluation, headline};
 use crate::run::{Layout, ParamFileError, RunError, load_param_set, read_text};
+use crate::task::odometry::audit::{AuditSummary, ErrorM};
 use crate::train::{self, ConfigError, Method, Operator, TrainConfig, TrainError};
 
 /// Trains, evaluates and reports the balance of a biped that steps by local pattern generators.
@@ -402,6 +403,8 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     let results = results?;
     let mut summary = Summary::new(&name, &args.scenario, &results);
     summary.autonomy = autonomy(&config.energy, &results);
+    let audited: Vec<_> = results.iter().filter_map(|result| result.odometry.clone()).collect();
+    summary.odometry_error_m = Some(AuditSummary::new(&audited));
     if args.json {
         // A summary has only finite numbers, names and lists: it always serialises.
         println!("{}", serde_json::to_string(&summary).unwrap_or_default());
@@ -411,6 +414,10 @@ fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
     report.summary = summary;
     let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
     println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
+    if let Some(ErrorM { median, p95 }) = AuditSummary::new(&audited).after_push_m {
+        let cm = 100.0;
+        println!("odometry, 3 s after a push: {:.1} cm off in the median, {:.1} cm at 95 %", median * cm, p95 * cm);
+    }
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use super::{EpisodeResult, Outcome};
 use crate::stats::{Proportion, iqm, median, percentile, wilson};
+use crate::task::odometry::audit::AuditSummary;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -81,6 +82,9 @@ pub struct Summary {
     /// Estimated time on one charge, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub autonomy: Option<Autonomy>,
+    /// How far odometry was from the truth, where that was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub odometry_error_m: Option<AuditSummary>,
 }
 
 impl Summary {
@@ -120,6 +124,7 @@ impl Summary {
             reward_paper: reward(|result| result.reward_paper),
             reward_gated: reward(|result| result.reward_gated),
             autonomy: None,
+            odometry_error_m: None,
         }
     }
 }
@@ -189,6 +194,7 @@ mod tests {
             energy_j: EnergyJ { actuators: 80.0, brakes: 15.0, compute: 5.0 },
             reward_paper: 0.25,
             reward_gated: 0.5,
+            odometry: None,
         }
     }
 
@@ -222,6 +228,7 @@ mod tests {
             drift_3s_m: Some(f32::INFINITY),
             reward_paper: f32::NAN,
             reward_gated: f32::NAN,
+            odometry: None,
             ..good.clone()
         };
         let summary = Summary::new("trained", "push-grid", &[good.clone(), spoilt, good]);
