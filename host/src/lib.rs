@@ -4,6 +4,7 @@
 //! - [`task`]: what the agent sees, may do, and is rewarded for. [`link`]: the session to a robot.
 //! - [`train`]: a run of three sessions over seeds. [`live`]: the same on a robot, in real time.
 //! - [`evaluate`]: controllers on common pushes.
+//! - [`study`]: many of both, from one file to tables and figures.
 //! - [`monitor`]: the robot in a terminal. [`recording`]: everything heard, for viewers and for replay.
 //! - [`run`]: the folder a run lives in. [`metrics`], [`stats`], [`figures`], [`report`]: from numbers to a report.
 //! - [`params`]: sets of files and robots. [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
@@ -29,5 +30,6 @@ pub mod report;
 pub mod run;
 pub mod search;
 pub mod stats;
+pub mod study;
 pub mod task;
 pub mod train;

@@ -6,6 +6,7 @@ mod flash;
 mod monitor;
 mod params;
 mod record;
+mod study;
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -30,6 +31,7 @@ use crate::progress::Progress;
 use crate::recording::RecordingError;
 use crate::report::{ControllerReport, Evaluation, headline};
 use crate::run::{Layout, ParamFileError, RunError, load_param_set, read_text};
+use crate::study::StudyError;
 use crate::task::odometry::audit::{AuditSummary, ErrorM};
 use crate::train::{self, ConfigError, Method, Operator, TrainConfig, TrainError};
 
@@ -101,6 +103,15 @@ enum Verb {
         sarah bench flood --seconds 20\n  \
         sarah bench soak --minutes 30 --link emulated")]
     Bench(bench::BenchArgs),
+    /// Ask many questions at once: a file of arms, seeds and conditions, answered with tables and figures.
+    #[command(after_help = "Examples:\n  sarah study run tests/studies/push-map.toml\n  \
+        sarah study run tests/studies/ablation.toml --out runs/ablation   again, to go on after it was cut off\n  \
+        sarah study run tests/studies/small.toml --print-config\n  \
+        sarah study report runs/ablation")]
+    Study {
+        #[command(subcommand)]
+        verb: study::StudyVerb,
+    },
     /// Draw figures and write report.md again from a run's data, and print its tables.
     #[command(after_help = "Example:\n  sarah report runs/train-1")]
     Report {
@@ -304,6 +315,9 @@ pub enum CliError {
     /// Emulating.
     #[error(transparent)]
     Emulate(#[from] EmulateError),
+    /// A study.
+    #[error(transparent)]
+    Study(#[from] StudyError),
 }
 
 /// Does what the command line says.
@@ -318,6 +332,7 @@ pub fn main() -> Result<(), CliError> {
         Verb::Flash(args) => flash::run(&args),
         Verb::Emulate(args) => emulate::run(&args),
         Verb::Bench(args) => bench::run(&args),
+        Verb::Study { verb } => Ok(study::run(&verb)?),
         Verb::Report { run } => {
             let layout = Layout::new(run);
             layout.read_info()?;

@@ -10,6 +10,8 @@
 //! | [`trunk`], [`imu`] | an episode: trunk, accelerometer and gyro over time (figures 8 and 9) |
 //! | [`survival_polar`] | survival by direction of the push |
 //! | [`survival_bars`] | survival with its interval, by controller |
+//! | [`push_map`] | survival by direction and strength of the push |
+//! | [`spreads`], [`intervals`] | where values lie, where estimates are, row by row |
 //! | [`filmstrip`] | the robot itself, instant by instant |
 
 mod axes;
@@ -17,8 +19,10 @@ mod compare;
 mod episode;
 mod filmstrip;
 mod learning;
+mod push_map;
 mod raster;
 mod robot;
+mod rows;
 mod svg;
 pub mod theme;
 
@@ -26,5 +30,7 @@ pub use compare::{BarRow, PolarSeries, survival_bars, survival_polar};
 pub use episode::{Push, imu, trunk};
 pub use filmstrip::filmstrip;
 pub use learning::{Curve, ParameterCurve, RewardSeries, parameters, rewards};
+pub use push_map::{PushMap, push_map};
 pub use raster::{Figure, FigureError};
 pub use robot::Pose;
+pub use rows::{IntervalRow, SpreadRow, intervals, spreads};

@@ -12,6 +12,7 @@ pub use figures::{NamedFigure, SessionCurves, columns, draw_figures, session_cur
 pub use markdown::markdown;
 pub use sessions::{LearnerReport, SessionReport, Verdict};
 pub use table::headline;
+pub(crate) use table::{Table, number};
 
 use crate::figures::{Pose, Push};
 use crate::metrics::{DirectionSurvival, EpisodeResult, Summary, Trace, by_direction};

@@ -1,6 +1,6 @@
 //! Bootstrap intervals: percentile method, 95 %, seeded.
 
-use super::{iqm, mean, median, percentile};
+use super::{iqm, mean, median, percentile, probability_of_improvement};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -99,6 +99,17 @@ pub fn paired_difference(
     Ok(bootstrap(&differences, statistic, seed))
 }
 
+/// The interval of the probability that a value drawn from `ours` exceeds one drawn from `theirs`: both are drawn anew.
+pub fn improvement(ours: &[f64], theirs: &[f64], seed: u64) -> Option<Interval> {
+    let mut other = Vec::new();
+    resample(probability_of_improvement(ours, theirs)?, seed, |rng, sample| {
+        sample.extend((0..ours.len()).map(|_| ours[rng.random_range(0..ours.len())]));
+        other.clear();
+        other.extend((0..theirs.len()).map(|_| theirs[rng.random_range(0..theirs.len())]));
+        probability_of_improvement(sample, &other)
+    })
+}
+
 fn resample(
     estimate: f64,
     seed: u64,
@@ -156,6 +167,15 @@ mod tests {
         let difference = paired_difference(&after, &before, Statistic::Mean, 8).unwrap().unwrap();
         assert!(difference.excludes_zero() && difference.low > 0.3, "{difference:?}");
         assert!(paired_difference(&after, &before[1..], Statistic::Mean, 8).is_err());
+    }
+
+    #[test]
+    fn improvement_is_sure_of_what_is_apart_and_of_nothing_else() {
+        let (low, high) = (uniform(10, 1), uniform(10, 2).iter().map(|value| value + 2.0).collect::<Vec<_>>());
+        assert_eq!(improvement(&high, &low, 3), Some(Interval { low: 1.0, estimate: 1.0, high: 1.0 }));
+        let same = improvement(&low, &low, 3).unwrap();
+        assert!(same.estimate == 0.5 && same.low < 0.35 && same.high > 0.65, "{same:?}");
+        assert_eq!(improvement(&low, &[], 3), None);
     }
 
     #[test]

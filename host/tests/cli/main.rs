@@ -5,9 +5,10 @@
 //! `run.json`, `evaluation.json` and `report.md`, which say when and by which command line a run began.
 //!
 //! - `place`: what the tests share. `resume`: kills, locks, full disks. `refusals`: mistakes of the user.
-//! - `results`: what a run and an evaluation print.
+//! - `results`: what a run and an evaluation print. `study`: many of them from one file.
 
 mod place;
 mod refusals;
 mod results;
 mod resume;
+mod study;

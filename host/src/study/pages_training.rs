@@ -1,0 +1,120 @@
+//! A training study as tables and figures.
+
+use std::fmt::Write;
+
+use super::learning::{ArmRow, SHARE, WINDOW, rows};
+use super::plan::TrainingPlan;
+use super::report::{Pages, csv};
+use super::unit::{ArmData, SessionData};
+use crate::figures::{Curve, IntervalRow, RewardSeries, intervals, rewards};
+use crate::report::{NamedFigure, Table, number};
+use crate::stats::Interval;
+
+/// Curves in one figure, with the first arm in each: more cannot be told apart.
+const CURVES: usize = 4;
+
+/// Tables and figures of the arms and seeds that are saved.
+pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
+    let (seeds, summaries) = rows(plan, arms);
+    let table = table(plan, &summaries);
+    let reference = &plan.arms[0].name;
+    let mut body = format!("## What each arm learned\n\n{}\n", table.markdown());
+    let _ = write!(
+        body,
+        "Judged: mean reward over {} episodes of common pushes that nobody trained on, then the interquartile mean \
+         over seeds, with its 95 % bootstrap interval over seeds. Better than {reference}: the probability that a seed \
+         of this arm is judged higher than one of {reference}, with its interval. Stable after: the first episode from \
+         which the mean reward of the {WINDOW} episodes that end there stays, to the end, at {:.0} % or more of the \
+         arm's final reward (the interquartile mean over seeds of the mean of the last {WINDOW} training episodes); \
+         interquartile mean over seeds with its interval. A seed that never became stable counts with all its {} \
+         episodes: where not all did, the figure is a lower bound.\n",
+        plan.judged_episodes,
+        SHARE * 100.0,
+        plan.episodes,
+    );
+    let mut figures = vec![];
+    for (index, session) in plan.sessions.iter().enumerate() {
+        figures.extend(curves(arms, index, session.name()));
+        figures.extend(judged(&summaries, session.name()));
+    }
+    Pages { body, headline: table.text(), tables: vec![("arms", csv(&summaries)), ("seeds", csv(&seeds))], figures }
+}
+
+fn table(plan: &TrainingPlan, rows: &[ArmRow]) -> Table {
+    let better = format!("better than {}", plan.arms[0].name);
+    let mut table =
+        Table::new(["session", "arm", "seeds", "start", "judged", &better, "stable after (episodes)", "stable seeds"]);
+    let with_interval = |[estimate, low, high]: [Option<f64>; 3], decimals: usize| match estimate {
+        Some(_) => format!("{} ({} – {})", number(estimate, decimals), number(low, decimals), number(high, decimals)),
+        None => number(None, 0),
+    };
+    for row in rows {
+        let bound = if row.stable < row.seeds { "≥ " } else { "" };
+        table.row([
+            row.session.clone(),
+            row.arm.clone(),
+            row.seeds.to_string(),
+            number(row.start, 3),
+            with_interval([row.judged, row.judged_low, row.judged_high], 3),
+            with_interval([row.improvement, row.improvement_low, row.improvement_high], 2),
+            bound.to_owned() + &with_interval([row.stability_iqm, row.stability_low, row.stability_high], 0),
+            format!("{}/{}", row.stable, row.seeds),
+        ]);
+    }
+    table
+}
+
+/// The first arm with a few others, figure by figure.
+fn curves(arms: &[ArmData], index: usize, session: &str) -> Vec<NamedFigure> {
+    let Some((first, others)) = arms.split_first() else { return vec![] };
+    let groups: Vec<Vec<&ArmData>> = if others.is_empty() {
+        vec![vec![first]]
+    } else {
+        others.chunks(CURVES - 1).map(|group| [first].into_iter().chain(group).collect()).collect()
+    };
+    let figure = |(number, group): (usize, Vec<&ArmData>)| {
+        let series: Vec<RewardSeries> = group.iter().map(|arm| series(arm, index)).collect();
+        NamedFigure {
+            name: format!("learning-{session}-{}", number + 1),
+            caption: format!("Learning curves of the {session} session, mean of {WINDOW} episodes"),
+            figure: rewards(&format!("Learning, {session}"), "reward", &series),
+        }
+    };
+    groups.into_iter().enumerate().map(figure).collect()
+}
+
+fn series(arm: &ArmData, index: usize) -> RewardSeries {
+    let curve = |noisy: bool| {
+        let run = |data: &SessionData| -> Vec<f64> {
+            let marked = data.rewards.iter().zip(&data.noisy);
+            marked.map(|(reward, explored)| if *explored == noisy { *reward } else { f64::NAN }).collect()
+        };
+        let mut runs: Vec<Vec<f64>> =
+            arm.chains.iter().filter_map(|(_, sessions)| sessions.get(index)).map(run).collect();
+        // A kind of episode that never happened is no curve.
+        runs.retain(|run| run.iter().any(|value| value.is_finite()));
+        let length = runs.iter().map(Vec::len).max().unwrap_or(0);
+        Curve { episodes: (0..length).map(|episode| episode as f64).collect(), runs }.smoothed(WINDOW)
+    };
+    RewardSeries { label: arm.arm.name.clone(), noisy: curve(true), noise_free: curve(false) }
+}
+
+fn judged(rows: &[ArmRow], session: &str) -> Option<NamedFigure> {
+    let of_session = rows.iter().filter(|row| row.session == session);
+    let shown: Vec<IntervalRow> = of_session
+        .enumerate()
+        .filter_map(|(series, row)| {
+            let interval = Interval { low: row.judged_low?, estimate: row.judged?, high: row.judged_high? };
+            Some(IntervalRow { label: row.arm.clone(), series, interval })
+        })
+        .collect();
+    (!shown.is_empty()).then(|| NamedFigure {
+        name: format!("judged-{session}"),
+        caption: format!("Judged reward after the {session} session: interquartile mean over seeds, 95 % interval"),
+        figure: intervals(
+            &format!("Judged, {session}"),
+            "reward on common pushes, IQM over seeds with 95 % interval",
+            &shown,
+        ),
+    })
+}

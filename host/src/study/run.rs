@@ -1,0 +1,200 @@
+//! Does what a study asks for: units in parallel worlds, each saved as it finishes.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use sarah_protocol::params::ParamSet;
+use sarah_sim::scenario::{Overrides, Scenario};
+use sarah_sim::sil::SilConfig;
+use serde::Serialize;
+
+use super::StudyError;
+use super::overrides::drawn;
+use super::plan::{Condition, DRAW_SEED, EvaluationPlan, JUDGE_SEED, Learner, Plan, TrainingPlan};
+use super::sittings::{Sitting, Sittings};
+use super::unit::{Cell, SessionData, Unit};
+use crate::evaluate::{Controller, parallel, run_episode};
+use crate::metrics::EpisodeResult;
+use crate::progress::Progress;
+use crate::report::columns;
+use crate::run::{Layout, RunError, RunFolder, RunInfo, read_metrics, read_text};
+use crate::train::session::Session;
+
+/// Runs a study in `out`, or what is left of it.
+pub fn run(plan: &Plan, out: &Path) -> Result<PathBuf, StudyError> {
+    let folder = open(plan, out)?;
+    let units = Unit::all(plan);
+    let progress = Progress::new(units.iter().map(|unit| unit.episodes(plan)).sum());
+    let done = |unit: &Unit| unit.done(plan, folder.layout());
+    let left: Vec<&Unit> = units.iter().filter(|unit| !done(unit)).collect();
+    progress.phase(&format!("{}: {} of {} units to do in {}", plan.title(), left.len(), units.len(), out.display()));
+    progress.skip(units.iter().filter(|unit| done(unit)).map(|unit| unit.episodes(plan)).sum());
+    let worker = Worker {
+        plan,
+        folder: &folder,
+        progress: &progress,
+        failed: AtomicBool::new(false),
+        sittings: Mutex::new(Sittings::open(folder.layout())?),
+        sitting: Sitting::begin(),
+        began: Instant::now(),
+    };
+    let results = parallel(left.len(), |index| {
+        worker.unit(left[index]).inspect_err(|_| worker.failed.store(true, Ordering::Relaxed))
+    });
+    progress.finish();
+    // The error that stopped the study, not those of the units that it stopped.
+    let mut stopped = None;
+    for result in results {
+        match result {
+            Ok(()) => {}
+            Err(StudyError::Stopped) => stopped = Some(StudyError::Stopped),
+            Err(cause) => return Err(cause),
+        }
+    }
+    stopped.map_or_else(|| super::report::write(folder.layout(), plan), Err)
+}
+
+/// Begins a study in a new folder, or takes up the same one; another one is refused.
+fn open(plan: &Plan, out: &Path) -> Result<RunFolder, StudyError> {
+    let text = plan.to_toml()?;
+    let layout = Layout::new(out);
+    if layout.info().is_file() {
+        let (folder, _) = RunFolder::resume(out)?;
+        if read_text(&layout.config())? != text {
+            return Err(StudyError::Other(out.to_path_buf()));
+        }
+        return Ok(folder);
+    }
+    let info = RunInfo::collect(plan.training_seeds(), Path::new(env!("CARGO_MANIFEST_DIR")));
+    match RunFolder::create(out, &text, &info) {
+        Err(RunError::NotEmpty(path)) => Err(StudyError::NotEmpty(path)),
+        other => Ok(other?),
+    }
+}
+
+struct Worker<'a> {
+    plan: &'a Plan,
+    folder: &'a RunFolder,
+    progress: &'a Progress,
+    failed: AtomicBool,
+    sittings: Mutex<Sittings>,
+    sitting: Sitting,
+    began: Instant,
+}
+
+impl Worker<'_> {
+    fn unit(&self, unit: &Unit) -> Result<(), StudyError> {
+        let name = unit.name(self.plan);
+        match (unit, self.plan) {
+            (Unit::Cell(cell), Plan::Evaluation(plan)) => self.save(&name, &self.cell(plan, cell, &name)?)?,
+            (Unit::Start { arm }, Plan::Training(plan)) => {
+                let start = Controller::Constants(ParamSet::table_ii());
+                self.save(&name, &self.judge(plan, &plan.arms[*arm], &start, &name)?)?;
+            }
+            (Unit::Chain { arm, seed }, Plan::Training(plan)) => {
+                self.save(&name, &self.chain(plan, &plan.arms[*arm], *seed, &name)?)?;
+            }
+            // `Unit::all` makes no unit of the other kind.
+            _ => {}
+        }
+        let mut sittings = self.sittings.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        sittings.record(self.folder.layout(), &self.sitting, self.began.elapsed())
+    }
+
+    fn save<T: Serialize>(&self, name: &str, value: &T) -> Result<(), StudyError> {
+        let path = self.folder.layout().evaluated(name);
+        let json = serde_json::to_vec(value).map_err(|error| RunError::damaged(&path, error))?;
+        Ok(self.folder.write_evaluated(name, &json)?)
+    }
+
+    fn check(&self) -> Result<(), StudyError> {
+        if self.failed.load(Ordering::Relaxed) { Err(StudyError::Stopped) } else { Ok(()) }
+    }
+
+    fn cell(&self, plan: &EvaluationPlan, cell: &Cell, name: &str) -> Result<Vec<EpisodeResult>, StudyError> {
+        let controller = plan.arms[cell.arm].controller()?;
+        let condition = &plan.conditions[cell.condition];
+        let scenario = condition.scenario.with(&Overrides { impulse_n_s: cell.impulse_n_s, ..Overrides::default() })?;
+        let episodes = 0..condition.episodes;
+        let results = episodes.map(|index| {
+            self.check()?;
+            let robot = robot_of(condition, plan.seed, index)?;
+            self.episode(&controller, &robot, &scenario, plan.seed, index, name)
+        });
+        results.collect()
+    }
+
+    /// The training scenario with pushes that nobody trained on; the same for every arm and seed.
+    fn judge(
+        &self,
+        plan: &TrainingPlan,
+        arm: &Learner,
+        controller: &Controller,
+        name: &str,
+    ) -> Result<Vec<EpisodeResult>, StudyError> {
+        let scenario = arm.config.train_scenario()?;
+        let results = (0..u64::from(plan.judged_episodes)).map(|index| {
+            self.check()?;
+            self.episode(controller, &arm.config.robot, &scenario, plan.seed, index, name)
+        });
+        results.collect()
+    }
+
+    fn episode(
+        &self,
+        controller: &Controller,
+        robot: &SilConfig,
+        scenario: &Scenario,
+        seed: u64,
+        index: u64,
+        name: &str,
+    ) -> Result<EpisodeResult, StudyError> {
+        let result = run_episode(controller, robot, &scenario.episode(JUDGE_SEED + seed, index), None)?;
+        self.progress.episode(Some(name.to_owned()));
+        Ok(result)
+    }
+
+    fn chain(&self, plan: &TrainingPlan, arm: &Learner, seed: u64, name: &str) -> Result<Vec<SessionData>, StudyError> {
+        let mut base = ParamSet::table_ii();
+        let mut sessions = vec![];
+        for (index, session) in plan.sessions.iter().enumerate() {
+            let method = arm.config.methods[0];
+            let place = self.folder.session(&format!("arms/{}", arm.name), seed, index as u8 + 1)?;
+            let mut training = Session::open(&arm.config, method, session.lpg(), base, seed, &place)?;
+            self.progress.skip(training.episodes().min(plan.episodes).into());
+            while training.episodes() < plan.episodes {
+                self.check()?;
+                training.episode()?;
+                self.progress.episode(Some(format!("{name} {}", session.name())));
+                let done = training.episodes();
+                if done % arm.config.checkpoint_every == 0 || done == plan.episodes {
+                    training.save()?;
+                }
+            }
+            let trained = training.trained()?;
+            let controller = match trained.policy {
+                Some(policy) => Controller::Policy { policy: Box::new(policy), base, lpg: session.lpg() },
+                None => Controller::Constants(trained.constants),
+            };
+            let metrics = read_metrics(&place.join("metrics.csv"))?;
+            let column = |name| metrics.numbers(name).unwrap_or_default();
+            sessions.push(SessionData {
+                rewards: column(columns::REWARD),
+                noisy: column(columns::NOISY).iter().map(|noisy| *noisy > 0.5).collect(),
+                broken: trained.broken,
+                set: trained.constants.values().to_vec(),
+                judged: self.judge(plan, arm, &controller, name)?,
+            });
+            base = trained.constants;
+        }
+        Ok(sessions)
+    }
+}
+
+/// The robot of an episode: the condition's, with this episode's own draw. The same for every arm and impulse.
+fn robot_of(condition: &Condition, seed: u64, index: u64) -> Result<SilConfig, StudyError> {
+    drawn(&condition.robot, &condition.draw, DRAW_SEED + (seed << 20) + index)
+        .map_err(|why| StudyError::Part { part: format!("condition {}", condition.name), why })
+}

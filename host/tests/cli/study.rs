@@ -1,0 +1,164 @@
+//! A study as its users meet it: a file, a folder, and whatever happens in between.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::place::*;
+
+fn committed(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/studies").join(name)
+}
+
+fn study(file: &Path, out: &Path) -> Command {
+    sarah(&["study", "run", text(file), "--out", text(out)])
+}
+
+/// What was computed: not when, by which source, and in how many sittings.
+fn computed(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = files(folder);
+    for name in ["run.json", "sittings.json", "report.md", ".lock"] {
+        files.remove(name);
+    }
+    files
+}
+
+/// Runs `file` in `out`, killing it whenever one of `moments` has come, until it is through.
+fn killed_again_and_again(file: &Path, out: &Path, moments: &[&str]) {
+    let mut kills = 0;
+    for moment in moments {
+        let mut child = study(file, out).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+        let began = Instant::now();
+        while !out.join(moment).exists() && child.try_wait().expect("waits").is_none() {
+            assert!(began.elapsed() < Duration::from_secs(60), "{moment} never came");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        // SIGKILL: nothing can be tidied up.
+        child.kill().expect("kills");
+        kills += usize::from(!child.wait().expect("waits").success());
+    }
+    assert!(kills + 1 >= moments.len(), "only {kills} of {} came in time", moments.len());
+    finished(file, out);
+}
+
+fn finished(file: &Path, out: &Path) -> String {
+    let output = study(file, out).output().expect("starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+fn same(one: &Path, other: &Path) {
+    let (one, other) = (computed(one), computed(other));
+    assert!(one.keys().eq(other.keys()), "{:?}\n{:?}", one.keys(), other.keys());
+    for (name, content) in &one {
+        assert!(other[name] == *content, "{name} differs");
+    }
+}
+
+#[test]
+fn the_small_study_runs_is_taken_up_after_kills_and_ends_byte_identical() {
+    let place = Place::new();
+    let (whole, cut) = (place.path("whole"), place.path("cut"));
+    let stdout = finished(&committed("small.toml"), &whole);
+    assert!(stdout.contains("nominal") && stdout.contains("braked") && stdout.contains("report.md"), "{stdout}");
+    let moments = ["run.json", "evaluated/default.nominal.12.json", "evaluated/default.drawn.18.json"];
+    killed_again_and_again(&committed("small.toml"), &cut, &moments);
+    same(&whole, &cut);
+    for needed in
+        ["tables/cells.csv", "tables/differences.csv", "figures/push-map-nominal.svg", "figures/drift-drawn.png"]
+    {
+        assert!(whole.join(needed).is_file(), "no {needed}");
+    }
+    let report = fs::read_to_string(whole.join("report.md")).expect("a report");
+    contains(&report, &["Wilson", "## Against default", "2^61 + 1", "## Origin", "1 sitting(s)"]);
+
+    // What the report is made of is the data alone.
+    let before = computed(&whole);
+    fs::remove_dir_all(whole.join("tables")).expect("removes");
+    fs::remove_dir_all(whole.join("figures")).expect("removes");
+    assert!(run(&["study", "report", text(&whole)]).status.success());
+    assert!(computed(&whole) == before);
+
+    // Another study does not mix with this one's data.
+    let other = fs::read_to_string(committed("small.toml")).expect("reads").replace("= [18]", "= [21]");
+    refusal_of(&place.file("other.toml", &other), &whole, &["another study", "--out"]);
+}
+
+#[test]
+fn a_training_study_is_taken_up_after_kills_and_ends_byte_identical() {
+    let place = Place::new();
+    let file = place.file(
+        "learn.toml",
+        &format!(
+            "kind = \"training\"\ntitle = \"Tiny\"\nseeds = 2\nepisodes = 3\nsessions = [\"knee\", \"hip\"]\njudged_episodes = 2\n\
+             common.scenario = {:?}\ncommon.validation_episodes = 2\ncommon.checkpoint_every = 1\n\
+             common.enaf.warm_up_episodes = 1\n[[arm]]\nname = \"enaf\"\n[[arm]]\nname = \"random\"\nmethod = \"random\"\n",
+            text(shared_scenario())
+        ),
+    );
+    let (whole, cut) = (place.path("whole"), place.path("cut"));
+    let stdout = finished(Path::new(&file), &whole);
+    assert!(stdout.contains("better than enaf"), "{stdout}");
+    let moments = [
+        "arms/enaf/seed-1/session-1/checkpoint.bin",
+        "arms/enaf/seed-2/session-2/checkpoint.bin",
+        "evaluated/enaf.start.json",
+    ];
+    killed_again_and_again(Path::new(&file), &cut, &moments);
+    same(&whole, &cut);
+    for needed in ["tables/arms.csv", "tables/seeds.csv", "figures/learning-hip-1.svg", "figures/judged-knee.png"] {
+        assert!(whole.join(needed).is_file(), "no {needed}");
+    }
+}
+
+#[test]
+fn every_committed_study_is_accepted() {
+    for entry in fs::read_dir(committed("")).expect("a folder") {
+        let file = entry.expect("an entry").path();
+        let output = run(&["study", "run", text(&file), "--print-config"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+fn refusal_of(file: &str, out: &Path, parts: &[&str]) {
+    refused(&["study", "run", file, "--out", text(out)], parts);
+}
+
+#[test]
+fn a_study_with_a_mistake_is_one_line_and_leaves_nothing_behind() {
+    let place = Place::new();
+    let arm = "[[arm]]\nname = \"a\"\ncontroller = \"braked\"\n";
+    let evaluation = "kind = \"evaluation\"\ntitle = \"t\"\n";
+    let training = "kind = \"training\"\ntitle = \"t\"\nseeds = 1\nepisodes = 2\n";
+    for (content, parts) in [
+        ("kind = = 3".to_owned(), vec!["mine.toml", "line 1"]),
+        ("title = \"t\"".into(), vec!["kind"]),
+        ("kind = \"guess\"".into(), vec!["line 1", "guess", "training"]),
+        (format!("{evaluation}sed = 3\n{arm}"), vec!["line 3", "sed", "tests/studies"]),
+        (evaluation.into(), vec!["arm", "[[arm]]"]),
+        (format!("{evaluation}seed = 1152921504606846976\n{arm}"), vec!["seed", "2^40"]),
+        (format!("{evaluation}{arm}{arm}"), vec!["arm a", "twice"]),
+        (format!("{evaluation}[[arm]]\nname = \"../a\"\ncontroller = \"braked\""), vec!["../a", "a to z"]),
+        (format!("{evaluation}[[arm]]\nname = \"a\""), vec!["arm a", "controller", "params"]),
+        (format!("{evaluation}[[arm]]\nname = \"a\"\nparams = \"none.toml\""), vec!["none.toml", "check"]),
+        (format!("{evaluation}{arm}[common]\nimpulses_n_s = [nan]"), vec!["impulse_n_s"]),
+        (format!("{evaluation}{arm}[common]\nimpulses_n_s = [3, 3.0]"), vec!["nominal", "repetition"]),
+        (format!("{evaluation}{arm}[common]\nset.robot.paylod_kg = 3"), vec!["nominal", "paylod_kg"]),
+        (format!("{evaluation}{arm}[common]\nset.robot.payload_kg = -3"), vec!["nominal", "payload_kg", "0 to 40"]),
+        (format!("{evaluation}{arm}[common]\ndraw.robot.payload_kg = [0, 90]"), vec!["payload_kg = 90", "0 to 40"]),
+        (format!("{evaluation}{arm}[common]\ndraw.robot.payload_kg = 3"), vec!["robot.payload_kg", "range"]),
+        (format!("{evaluation}{arm}[common]\nscenario = \"psuh\""), vec!["psuh", "push-grid"]),
+        (format!("{training}[[arm]]\nname = \"a\"\nset.enaf.recurent = false"), vec!["arm a", "recurent"]),
+        (format!("{training}[[arm]]\nname = \"a\"\nset.enaf.depth = 1000"), vec!["arm a", "depth", "0 to 256"]),
+        (format!("{training}[[arm]]\nname = \"a\"\nset.seed = 4"), vec!["arm a", "seed", "remove"]),
+        (format!("{training}[[arm]]\nname = \"a\"\nmethod = \"sarsa\""), vec!["sarsa", "cma-es"]),
+        (format!("{training}sessions = []\n[[arm]]\nname = \"a\""), vec!["sessions", "knee"]),
+    ] {
+        let file = place.file("mine.toml", &content);
+        refusal_of(&file, &place.run(), &parts);
+        assert!(!place.run().exists(), "{content}");
+    }
+    refused(&["study", "report", text(&place.path("none"))], &["none", "no study", "sarah study run"]);
+}
