@@ -19,7 +19,7 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
     let table = table(plan, &summaries);
     let reference = &plan.arms[0].name;
     let mut body = format!("## What each arm learned\n\n{}\n", table.markdown());
-    let _ = write!(
+    let _ = writeln!(
         body,
         "Judged: mean reward over {} episodes of common pushes that nobody trained on, then the interquartile mean \
          over seeds, with its 95 % bootstrap interval over seeds. Better than {reference}: the probability that a seed \
@@ -27,7 +27,7 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
          which the mean reward of the {WINDOW} episodes that end there stays, to the end, at {:.0} % or more of the \
          arm's final reward (the interquartile mean over seeds of the mean of the last {WINDOW} training episodes); \
          interquartile mean over seeds with its interval. A seed that never became stable counts with all its {} \
-         episodes: where not all did, the figure is a lower bound.\n",
+         episodes: where not all did, the figure is a lower bound.",
         plan.judged_episodes,
         SHARE * 100.0,
         plan.episodes,
