@@ -8,7 +8,7 @@
 //! - [`monitor`]: the robot in a terminal. [`recording`]: everything heard, for viewers and for replay.
 //! - [`run`]: the folder a run lives in. [`metrics`], [`stats`], [`figures`], [`report`]: from numbers to a report.
 //! - [`params`]: sets of files and robots. [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
-//! - [`bench`]: how good the link is.
+//! - [`mod@bench`]: how good the link is.
 //! - [`cli`]: the `sarah` command. [`progress`]: how far it is.
 
 pub mod bake;

@@ -8,7 +8,7 @@
 //! - [`recorder`]: from news to messages. [`file`](self): readable up to the last second. [`schemas`]: our messages.
 //! - [`scene`], [`description`]: the robot in space. [`pose`]: where something is. [`words`]: events in words.
 //! - [`simulated`]: records a simulated robot, with every call of its control code on a [`tape`]. [`live`]: one on a port.
-//! - [`reader`]: what a replay needs. [`replay`]: the same inputs through this build.
+//! - [`reader`]: what a replay needs. [`mod@replay`]: the same inputs through this build.
 //!
 //! Topics, their messages and rates are in `docs/recording.md`. Times of a real robot are the host's since 1970, those of a
 //! simulated one its own since power-up, so that equal seeds make equal files.

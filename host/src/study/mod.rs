@@ -6,7 +6,7 @@
 //!
 //! - [`mod@file`]: what people write. [`overrides`]: changes by dotted keys. [`plan`]: the same, resolved and checked;
 //!   the seeds of judging.
-//! - [`unit`]: what is done at one go and saved as it finishes. [`run`]: doing it. [`sittings`]: how long it took.
+//! - [`mod@unit`]: what is done at one go and saved as it finishes. [`run`]: doing it. [`sittings`]: how long it took.
 //! - [`compare`], [`learning`]: from saved episodes to rows. [`pages_evaluation`], [`pages_training`], [`report`]: from
 //!   rows to what is read.
 //!
