@@ -19,48 +19,30 @@ pub struct Faults {
     pub flip: f64,
 }
 
-/// A world behind a bad line.
-pub struct BadLine<W> {
-    world: W,
+impl Faults {
+    /// One byte in `period`, by each fault as often.
+    pub fn one_in(period: f64) -> Faults {
+        let each = 1.0 / (3.0 * period);
+        Faults { lose: each, double: each, flip: each }
+    }
+}
+
+/// What becomes of bytes on a bad line.
+#[derive(Clone, Debug)]
+pub struct Line {
     faults: Faults,
     rng: Pcg64Mcg,
     hit: u64,
-    /// Each frame begins and ends with one, and has no other.
-    zeros: u64,
 }
 
-impl<W: World> BadLine<W> {
-    /// `world` behind a line with `faults`.
-    pub fn new(world: W, faults: Faults, seed: u64) -> BadLine<W> {
-        BadLine { world, faults, rng: Pcg64Mcg::seed_from_u64(seed), hit: 0, zeros: 0 }
+impl Line {
+    /// A line with `faults`.
+    pub fn new(faults: Faults, seed: u64) -> Line {
+        Line { faults, rng: Pcg64Mcg::seed_from_u64(seed), hit: 0 }
     }
 
-    /// The world.
-    pub fn world(&self) -> &W {
-        &self.world
-    }
-
-    /// The world, to break it.
-    pub fn world_mut(&mut self) -> &mut W {
-        &mut self.world
-    }
-
-    /// From here on the line is like this.
-    pub fn set_faults(&mut self, faults: Faults) {
-        self.faults = faults;
-    }
-
-    /// Bytes that something happened to.
-    pub fn hit(&self) -> u64 {
-        self.hit
-    }
-
-    /// Frames that the robot has sent, before anything happened to them.
-    pub fn frames(&self) -> u64 {
-        self.zeros / 2
-    }
-
-    fn pass(&mut self, bytes: &[u8]) -> Vec<u8> {
+    /// What arrives of `bytes`.
+    pub fn pass(&mut self, bytes: &[u8]) -> Vec<u8> {
         let Faults { lose, double, flip } = self.faults;
         let mut out = Vec::with_capacity(bytes.len());
         for &byte in bytes {
@@ -80,6 +62,46 @@ impl<W: World> BadLine<W> {
     }
 }
 
+/// A world behind a bad line.
+pub struct BadLine<W> {
+    world: W,
+    line: Line,
+    /// Each frame begins and ends with one, and has no other.
+    zeros: u64,
+}
+
+impl<W: World> BadLine<W> {
+    /// `world` behind a line with `faults`.
+    pub fn new(world: W, faults: Faults, seed: u64) -> BadLine<W> {
+        BadLine { world, line: Line::new(faults, seed), zeros: 0 }
+    }
+
+    /// The world.
+    pub fn world(&self) -> &W {
+        &self.world
+    }
+
+    /// The world, to break it.
+    pub fn world_mut(&mut self) -> &mut W {
+        &mut self.world
+    }
+
+    /// From here on the line is like this.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.line.faults = faults;
+    }
+
+    /// Bytes that something happened to.
+    pub fn hit(&self) -> u64 {
+        self.line.hit
+    }
+
+    /// Frames that the robot has sent, before anything happened to them.
+    pub fn frames(&self) -> u64 {
+        self.zeros / 2
+    }
+}
+
 impl<W: World> World for BadLine<W> {
     fn run_until(&mut self, until_us: u64) -> Result<Health, SilError> {
         self.world.run_until(until_us)
@@ -90,14 +112,14 @@ impl<W: World> World for BadLine<W> {
     }
 
     fn host_write(&mut self, bytes: &[u8]) {
-        let bytes = self.pass(bytes);
+        let bytes = self.line.pass(bytes);
         self.world.host_write(&bytes);
     }
 
     fn host_read(&mut self) -> Vec<u8> {
         let bytes = self.world.host_read();
         self.zeros += bytes.iter().filter(|byte| **byte == 0).count() as u64;
-        self.pass(&bytes)
+        self.line.pass(&bytes)
     }
 
     fn body(&self) -> &Body {

@@ -11,6 +11,7 @@ use sarah_protocol::bus::{Mode, NodeId};
 use sarah_protocol::params::{ParamSet, SPECS};
 use sarah_protocol::session::{HostSession, News};
 use sarah_protocol::telemetry::Event;
+use sarah_sim::line::Line;
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::{Episode, Push};
 use sarah_sim::sil::{Sil, SilConfig};
@@ -52,7 +53,7 @@ pub fn near_default(share: f32) -> ParamSet {
     ParamSet::new(values).expect("moved towards the inside")
 }
 
-/// Sebastiano Vigna's SplitMix64: enough chance for a noisy line.
+/// Sebastiano Vigna's SplitMix64: enough chance for a test.
 #[derive(Clone, Debug)]
 pub struct Dice(pub u64);
 
@@ -71,29 +72,6 @@ impl Dice {
     }
 }
 
-/// What a bad line makes of bytes: one in `period` is lost, doubled, or has a bit flipped.
-pub fn garble(dice: &mut Dice, period: u64, bytes: &[u8]) -> Vec<u8> {
-    let mut out = Vec::with_capacity(bytes.len());
-    for byte in bytes {
-        match if dice.once_in(period) { dice.roll() % 3 } else { 3 } {
-            0 => {}
-            1 => out.extend([*byte, *byte]),
-            2 => out.push(byte ^ (1 << (dice.roll() % 8))),
-            _ => out.push(*byte),
-        }
-    }
-    out
-}
-
-/// Line noise: its dice, and one byte in how many it spoils.
-#[derive(Clone, Debug)]
-pub struct Noise {
-    /// Chance.
-    pub dice: Dice,
-    /// One byte in this many.
-    pub period: u64,
-}
-
 /// A robot and a host, a millisecond at a time.
 pub struct Bench {
     /// The robot.
@@ -105,7 +83,7 @@ pub struct Bench {
     /// Whether the line is connected.
     pub plugged: bool,
     /// What spoils the line, if anything.
-    pub noise: Option<Noise>,
+    pub noise: Option<Line>,
     /// The last verdict; the bench stands still once it is not upright.
     pub health: Health,
 }
@@ -170,7 +148,7 @@ impl Bench {
 
     fn through_the_line(&mut self, bytes: &[u8]) -> Vec<u8> {
         match &mut self.noise {
-            Some(noise) => garble(&mut noise.dice, noise.period, bytes),
+            Some(line) => line.pass(bytes),
             None => bytes.to_vec(),
         }
     }

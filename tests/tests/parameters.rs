@@ -14,10 +14,11 @@ use sarah_protocol::session::{News, State};
 use sarah_protocol::telemetry::faults;
 use sarah_sim::body::joints_of;
 use sarah_sim::bus::Station;
+use sarah_sim::line::{Faults, Line};
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Push;
 use sarah_sim::sil::{Sil, SilConfig};
-use sarah_tests::{Bench, Dice, Noise, episode, generations, near_default, push};
+use sarah_tests::{Bench, Dice, episode, generations, near_default, push};
 
 /// A push every two seconds, all around.
 fn pushes(impulse_n_s: f32) -> Vec<Push> {
@@ -154,9 +155,9 @@ fn over_a_noisy_line_every_applied_set_is_one_that_was_sent_whole_and_the_sessio
         };
         for ms in 0..15_000 {
             // Half a second spoiled by one byte in 200, half by one in 10, half not at all.
-            let period = [200, 10, 0][ms / 500 % 3];
+            let period = [200.0, 10.0, 0.0][ms / 500 % 3];
             if ms % 500 == 0 {
-                bench.noise = (period > 0).then(|| Noise { dice: Dice(dice.roll()), period });
+                bench.noise = (period > 0.0).then(|| Line::new(Faults::one_in(period), dice.roll()));
             }
             // Garbage that is no frame at all.
             if dice.once_in(300) {

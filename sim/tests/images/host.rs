@@ -1,41 +1,16 @@
 //! A bad line to the host, and none.
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use sarah_firmware::default_params;
 use sarah_protocol::bus::{GaitEvent, Message, Mode};
 use sarah_protocol::host::Which;
 use sarah_protocol::params::ParamSet;
 use sarah_protocol::session::News;
 
-use crate::rig::{Line, Passed, Rig, near_default, push};
+use sarah_sim::line::{Faults, Line};
 
-/// Sebastiano Vigna's SplitMix64.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-}
-
-/// One byte in `period` is lost, doubled, or has a bit flipped.
-fn bad_line(seed: u64, period: u64) -> Line {
-    let mut dice = Dice(seed);
-    Box::new(move |bytes| {
-        let mut out = vec![];
-        for byte in bytes {
-            match if dice.roll().is_multiple_of(period) { dice.roll() % 3 } else { 3 } {
-                0 => {}
-                1 => out.extend([*byte, *byte]),
-                2 => out.push(byte ^ (1 << (dice.roll() % 8))),
-                _ => out.push(*byte),
-            }
-        }
-        out
-    })
-}
+use crate::rig::{Passed, Rig, near_default, push};
 
 /// The generations that the knee named, each once, in order; that none took force inside a cycle.
 fn generations(passed: &[Passed]) -> Vec<u32> {
@@ -59,9 +34,10 @@ fn generations(passed: &[Passed]) -> Vec<u32> {
 #[test]
 fn over_a_bad_line_every_set_arrives_whole_and_takes_force_once() {
     let mut rig = Rig::armed(&[]);
-    rig.line = Some(bad_line(11, 100));
-    let mut dice = Dice(12);
-    rig.breaks = Some(Box::new(move || dice.roll().is_multiple_of(8)));
+    let mut line = Line::new(Faults::one_in(100.0), 11);
+    rig.line = Some(Box::new(move |bytes| line.pass(bytes)));
+    let mut dice = Pcg64Mcg::seed_from_u64(12);
+    rig.breaks = Some(Box::new(move || dice.random_ratio(1, 8)));
     let sets = [0.01, 0.02, 0.03, 0.04].map(near_default);
     let applied = sets.map(|set| rig.apply(&set));
     rig.session.persist().expect("connected");
