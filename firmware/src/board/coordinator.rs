@@ -88,11 +88,23 @@ pub fn recall(nvm: &impl Flash) -> (&'static mut Store, ParamSet) {
     (STORE.init(store), loaded.set)
 }
 
+/// Name of this build for the hello: the version, padded with zeros.
+const BUILD: [u8; 16] = {
+    let version = env!("CARGO_PKG_VERSION").as_bytes();
+    let mut build = [0; 16];
+    let mut index = 0;
+    while index < version.len() && index < build.len() {
+        build[index] = version[index];
+        index += 1;
+    }
+    build
+};
+
 /// The coordinator. `board` tells the host which board it runs on.
 #[inline(never)]
-pub fn born(report: &BootReport, board: u8, build: [u8; 16], stored: ParamSet) -> &'static mut Coordinator {
+pub fn born(report: &BootReport, board: u8, stored: ParamSet) -> &'static mut Coordinator {
     static COORDINATOR: StaticCell<Coordinator> = StaticCell::new();
-    let identity = Identity { boot_nonce: report.nonce, board, build, reset_cause: report.cause };
+    let identity = Identity { boot_nonce: report.nonce, board, build: BUILD, reset_cause: report.cause };
     let config = Config { imu_period_us: PERIOD_US, ..Config::new(identity, crate::default_params(), stored) };
     COORDINATOR.init_with(|| Coordinator::new(config))
 }
@@ -268,10 +280,10 @@ pub async fn bus<P: Port>(mut can: Can<P>) {
 const STEP: Duration = Duration::from_millis(1);
 
 /// The task that stores parameter sets; never ends.
-pub async fn storing(store: &'static mut Store, mut nvm: impl Flash, build: [u8; 16]) {
+pub async fn storing(store: &'static mut Store, mut nvm: impl Flash) {
     loop {
         let (set, generation) = STORE.wait().await;
-        store.write(&set, generation, build);
+        store.write(&set, generation, BUILD);
         loop {
             match store.step(&mut nvm) {
                 Step::Busy => Timer::after(STEP).await,

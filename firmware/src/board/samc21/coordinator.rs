@@ -26,16 +26,16 @@ const BOARD: u8 = 1;
 const NOT_TWICE: &str = "each peripheral is set up once";
 
 /// Sets everything up and runs. Call once, from `main`.
-pub fn run(build: [u8; 16]) -> ! {
+pub fn run() -> ! {
     // Step by step, each with a stack frame that is gone before the next: this one stays for ever.
     let report = wake_up();
     let nvm = Nvm::start();
     let (store, stored) = shared::recall(&nvm);
-    let can = begin(shared::born(&report, BOARD, build, stored));
+    let can = begin(shared::born(&report, BOARD, stored));
     static SLOW: StaticCell<Executor> = StaticCell::new();
     SLOW.init_with(Executor::new).run(|spawner| {
         spawner.spawn(bus(can).expect(NOT_TWICE));
-        spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
+        spawner.spawn(storing(store, nvm).expect(NOT_TWICE));
         spawner.spawn(housekeeping(Keeper(Watchdog::start())).expect(NOT_TWICE));
     })
 }
@@ -112,8 +112,8 @@ fn bus(can: Can) -> impl Future<Output = ()> {
 }
 
 #[embassy_executor::task]
-fn storing(store: &'static mut Store, nvm: Nvm, build: [u8; 16]) -> impl Future<Output = ()> {
-    shared::storing(store, nvm, build)
+fn storing(store: &'static mut Store, nvm: Nvm) -> impl Future<Output = ()> {
+    shared::storing(store, nvm)
 }
 
 #[embassy_executor::task]

@@ -81,10 +81,10 @@ struct Board {
 }
 
 /// Sets everything up and runs. Call once, from `main`.
-pub fn run(build: [u8; 16]) -> ! {
+pub fn run() -> ! {
     let Board { report, can, uart, imu, timer, nvm, keeper } = set_up();
     let (store, stored) = shared::recall(&nvm);
-    let coordinator = shared::born(&report, BOARD, build, stored);
+    let coordinator = shared::born(&report, BOARD, stored);
     let control = Control::new(Ticks::start(timer), imu, uart, Delay);
     // SAFETY: before the executor starts; no critical section relies on this priority.
     unsafe { cortex_m::Peripherals::steal().NVIC.set_priority(Interrupt::PCC, priority::CONTROL) };
@@ -92,7 +92,7 @@ pub fn run(build: [u8; 16]) -> ! {
     static SLOW: StaticCell<Executor> = StaticCell::new();
     SLOW.init_with(Executor::new).run(|spawner| {
         spawner.spawn(bus(can).expect(NOT_TWICE));
-        spawner.spawn(storing(store, nvm, build).expect(NOT_TWICE));
+        spawner.spawn(storing(store, nvm).expect(NOT_TWICE));
         spawner.spawn(housekeeping(keeper).expect(NOT_TWICE));
     })
 }
@@ -208,8 +208,8 @@ fn bus(can: Can) -> impl Future<Output = ()> {
 }
 
 #[embassy_executor::task]
-fn storing(store: &'static mut Store, nvm: Nvm, build: [u8; 16]) -> impl Future<Output = ()> {
-    shared::storing(store, nvm, build)
+fn storing(store: &'static mut Store, nvm: Nvm) -> impl Future<Output = ()> {
+    shared::storing(store, nvm)
 }
 
 #[embassy_executor::task]
