@@ -2,31 +2,19 @@
 //!
 //! Read from the same file the simulator loads, so that a length is written down once.
 
-use rapier3d_mjcf::mjcf_rs::Pose;
-use rapier3d_mjcf::mjcf_rs::body::JointType;
 use rapier3d_mjcf::mjcf_rs::model::Model as Mjcf;
 
-use super::model::{SARAH_MJCF, missing, site};
+use super::model::{PADS, SARAH_MJCF, missing, site};
 use super::{Joint, RobotError};
-
-/// Pads of a leg, in the order of every pad array.
-const PADS: [&str; 2] = ["heel", "toe"];
-
-/// How a joint moves what hangs on it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Motion {
-    /// About the axis, rad.
-    Turn,
-    /// Along the axis, m.
-    Slide,
-}
+use crate::skeleton::{self, Shape};
 
 /// A driven joint: where it is in the frame before it, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Link {
     at_m: [f32; 3],
     axis: [f32; 3],
-    motion: Motion,
+    /// Along the axis, m, rather than about it, rad.
+    slides: bool,
     range: [f32; 2],
 }
 
@@ -53,14 +41,16 @@ impl Geometry {
     /// Reads the file.
     pub fn load() -> Result<Geometry, RobotError> {
         let mjcf = Mjcf::from_str(SARAH_MJCF, ".").map_err(|error| RobotError::Parse(error.to_string()))?;
-        let trunk = mjcf.body_id_by_name("trunk").ok_or_else(|| missing("body", "trunk"))?;
+        let links = skeleton::links()?;
+        let trunk = links.first().ok_or_else(|| missing("body", "trunk"))?;
+        let [left_heel, left_toe, right_heel, right_toe] = PADS;
         Ok(Geometry {
             legs: [
-                leg(&mjcf, "l", [Joint::LeftAbductor, Joint::LeftHip, Joint::LeftKnee])?,
-                leg(&mjcf, "r", [Joint::RightAbductor, Joint::RightHip, Joint::RightKnee])?,
+                leg(&links, [left_heel, left_toe], [Joint::LeftAbductor, Joint::LeftHip, Joint::LeftKnee])?,
+                leg(&links, [right_heel, right_toe], [Joint::RightAbductor, Joint::RightHip, Joint::RightKnee])?,
             ],
             imu_m: site(&mjcf, "imu")?.to_array(),
-            standing_m: translation(&mjcf.bodies[trunk].body.pose)[2],
+            standing_m: trunk.at_m[2] as f32,
         })
     }
 
@@ -93,10 +83,10 @@ impl Leg {
 
 impl Link {
     fn moved(&self, point: [f32; 3], position: f32) -> [f32; 3] {
-        match self.motion {
-            Motion::Slide => add(point, self.axis.map(|a| a * position)),
+        match self.slides {
+            true => add(point, self.axis.map(|a| a * position)),
             // Rodrigues: p cos + (axis × p) sin + axis (axis · p)(1 − cos).
-            Motion::Turn => {
+            false => {
                 let (sin, cos) = position.sin_cos();
                 let [x, y, z] = self.axis;
                 let [px, py, pz] = point;
@@ -108,42 +98,26 @@ impl Link {
     }
 }
 
-fn leg(mjcf: &Mjcf, side: &str, joints: [Joint; 3]) -> Result<Leg, RobotError> {
-    let [abductor, hip, knee] = joints.map(|joint| link(mjcf, joint.name()));
-    let [heel, toe] = PADS.map(|pad| sole(mjcf, &format!("{side}_{pad}_pad")));
+fn leg(links: &[skeleton::Link], pads: [&str; 2], joints: [Joint; 3]) -> Result<Leg, RobotError> {
+    let [abductor, hip, knee] = joints.map(|joint| link(links, joint.name()));
+    let [heel, toe] = pads.map(|pad| sole(links, pad));
     Ok(Leg { links: [abductor?, hip?, knee?], soles_m: [heel?, toe?] })
 }
 
-fn link(mjcf: &Mjcf, name: &str) -> Result<Link, RobotError> {
-    let (body, joint) = mjcf.joint_by_name(name).ok_or_else(|| missing("joint", name))?;
-    let body = &mjcf.bodies[body].body;
-    let joint = &body.joints[joint];
-    let motion = match joint.type_ {
-        JointType::Hinge => Motion::Turn,
-        JointType::Slide => Motion::Slide,
-        _ => return Err(missing("hinge or slide", name)),
-    };
-    let range = joint.range.ok_or(RobotError::Attribute { name: name.to_owned(), attribute: "range" })?;
-    Ok(Link {
-        at_m: translation(&body.pose),
-        axis: joint.axis.map(|a| a as f32),
-        motion,
-        range: range.map(|end| end as f32),
-    })
+fn link(links: &[skeleton::Link], name: &str) -> Result<Link, RobotError> {
+    let moved =
+        |link: &skeleton::Link| link.joint.clone().filter(|joint| joint.name == name).map(|joint| (link.at_m, joint));
+    let (at_m, joint) = links.iter().find_map(moved).ok_or_else(|| missing("joint", name))?;
+    let [at_m, axis] = [at_m, joint.axis].map(|vector| vector.map(|a| a as f32));
+    Ok(Link { at_m, axis, slides: joint.slides, range: joint.range.map(|end| end as f32) })
 }
 
-fn sole(mjcf: &Mjcf, name: &str) -> Result<[[f32; 3]; 4], RobotError> {
-    let (body, geom) = mjcf.geom_by_name(name).ok_or_else(|| missing("geom", name))?;
-    let body = &mjcf.bodies[body].body;
-    let geom = &body.geoms[geom];
-    let middle = add(translation(&body.pose), translation(&geom.pose));
-    let [x, y, z] = geom.size.map(|half| half as f32);
+fn sole(links: &[skeleton::Link], name: &str) -> Result<[[f32; 3]; 4], RobotError> {
+    let pad = links.iter().find(|link| link.name == name).ok_or_else(|| missing("body", name))?;
+    let Some(Shape::Box { at_m, half_m }) = pad.shapes.first() else { return Err(missing("box of", name)) };
+    let middle = add(pad.at_m.map(|a| a as f32), at_m.map(|a| a as f32));
+    let [x, y, z] = half_m.map(|half| half as f32);
     Ok([[x, y, -z], [x, -y, -z], [-x, y, -z], [-x, -y, -z]].map(|corner| add(middle, corner)))
-}
-
-fn translation(pose: &Pose) -> [f32; 3] {
-    let at = pose.translation;
-    [at.x as f32, at.y as f32, at.z as f32]
 }
 
 fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

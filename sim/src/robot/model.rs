@@ -14,7 +14,7 @@ use super::{Joint, RobotConfig, RobotError};
 pub const SARAH_MJCF: &str = include_str!("../../assets/sarah.xml");
 
 /// Pads in the order of every four-element pad array: left heel, left toe, right heel, right toe.
-const PADS: [&str; 4] = ["l_heel", "l_toe", "r_heel", "r_toe"];
+pub(super) const PADS: [&str; 4] = ["l_heel", "l_toe", "r_heel", "r_toe"];
 
 /// A loaded world with the handles the robot is driven and read through.
 pub(super) struct Model {
