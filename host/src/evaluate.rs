@@ -21,7 +21,7 @@ use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
 use crate::task::observation::{acceleration_m_s2, loads_n, observe, rate_rad_s};
 use crate::task::odometry::Odometry;
-use crate::task::odometry::audit::{Audit, FALL_WITHIN_S};
+use crate::task::odometry::audit::{Audit, Audited, FALL_WITHIN_S};
 use crate::task::reward::RewardForm;
 
 /// Who balances.
@@ -62,12 +62,55 @@ pub struct Recording {
     pub poses: Vec<DrawnPose>,
 }
 
+/// What is noted of an episode beside its result.
+#[derive(Debug)]
+pub enum Watch<'a> {
+    /// Nothing.
+    Nothing,
+    /// Everything a figure needs.
+    Recording(&'a mut Recording),
+    /// How far odometry was from the truth.
+    Odometry(&'a mut Audited),
+}
+
+/// Odometry beside an episode. No controller knows of it.
+struct Auditor {
+    odometry: Odometry,
+    audit: Audit,
+}
+
+impl Auditor {
+    fn new() -> Result<Auditor, EvaluateError> {
+        let geometry = Geometry::load().map_err(SilError::from).map_err(LinkError::from)?;
+        Ok(Auditor { odometry: Odometry::new(geometry), audit: Audit::default() })
+    }
+
+    fn saw(&mut self, robot: &SimRobot, health: Health, telemetry: &[Telemetry]) {
+        telemetry.iter().for_each(|frame| _ = self.odometry.saw(frame));
+        let fallen = matches!(health, Health::Fallen { .. });
+        self.audit.saw(robot.now_s(), &robot.pose(), fallen, &self.odometry.estimate());
+    }
+
+    /// The episode is over; a robot that fell lies there until odometry has had the time to tell.
+    fn finish(mut self, robot: &mut SimRobot, health: Health) -> Result<Audited, EvaluateError> {
+        if let Health::Fallen { .. } = health {
+            let until_s = robot.now_s() + FALL_WITHIN_S;
+            robot.world_mut().run_on();
+            while robot.now_s() < until_s {
+                let telemetry = robot.advance()?.telemetry;
+                self.saw(robot, health, &telemetry);
+            }
+        }
+        Ok(self.audit.finish())
+    }
+}
+
 /// Runs one episode.
 pub fn run_episode(
     controller: &Controller,
     config: &SilConfig,
     episode: &Episode,
-    mut recording: Option<&mut Recording>,
+    mut watch: Watch<'_>,
 ) -> Result<EpisodeResult, EvaluateError> {
     let mut robot = SimRobot::start(config, episode)?;
     let mut health = match controller {
@@ -90,8 +133,7 @@ pub fn run_episode(
     }
     let mut judge = Judge::new(robot.now_s());
     judge.saw(robot.now_s(), robot.pose(), &[]);
-    let geometry = Geometry::load().map_err(SilError::from).map_err(LinkError::from)?;
-    let (mut odometry, mut audit) = (Odometry::new(geometry), Audit::default());
+    let mut auditor = if let Watch::Odometry(_) = watch { Some(Auditor::new()?) } else { None };
     let origin = robot.pose().position_m;
     let (mut paper, mut gated) = (0.0, 0.0);
     let horizon = ((episode.duration_s - episode.settle_s) / DECISION_S).max(1.0);
@@ -111,13 +153,14 @@ pub fn run_episode(
         let now_s = robot.now_s();
         if pushed {
             judge.pushed(now_s);
-            audit.pushed(now_s);
+            auditor.iter_mut().for_each(|auditor| auditor.audit.pushed(now_s));
         }
         judge.saw(now_s, robot.pose(), &telemetry);
-        telemetry.iter().for_each(|frame| _ = odometry.saw(frame));
-        audit.saw(now_s, &robot.pose(), matches!(health, Health::Fallen { .. }), &odometry.estimate());
-        if let Some(recording) = recording.as_deref_mut() {
+        if let Watch::Recording(recording) = &mut watch {
             record(recording, &robot, &telemetry, origin);
+        }
+        if let Some(auditor) = &mut auditor {
+            auditor.saw(&robot, health, &telemetry);
         }
         second.extend(telemetry);
         slices += 1;
@@ -129,13 +172,8 @@ pub fn run_episode(
     }
     let at_s = robot.now_s();
     let energy = robot.body().meter().energy();
-    if let Health::Fallen { .. } = health {
-        // It lies there until odometry has had the time to tell.
-        robot.world_mut().run_on();
-        while robot.now_s() < at_s + FALL_WITHIN_S {
-            robot.advance()?.telemetry.iter().for_each(|frame| _ = odometry.saw(frame));
-            audit.saw(robot.now_s(), &robot.pose(), true, &odometry.estimate());
-        }
+    if let (Some(auditor), Watch::Odometry(audited)) = (auditor, watch) {
+        *audited = auditor.finish(&mut robot, health)?;
     }
     Ok(EpisodeResult {
         direction_deg: episode.direction.and(episode.pushes.first()).map(|push| push.direction_deg),
@@ -158,7 +196,6 @@ pub fn run_episode(
         },
         reward_paper: paper / horizon.floor(),
         reward_gated: gated / horizon.floor(),
-        odometry: Some(audit.finish()),
     })
 }
 
@@ -211,7 +248,7 @@ pub fn run_many(
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<EpisodeResult>, EvaluateError> {
     parallel(count as usize, |index| {
-        let result = run_episode(controller, config, &scenario.episode(seed, index as u64), None);
+        let result = run_episode(controller, config, &scenario.episode(seed, index as u64), Watch::Nothing);
         done();
         result
     })
@@ -290,7 +327,8 @@ mod tests {
         let many = run_many(&controller, &config, &scenario, 5, 3, &|| {
             done.fetch_add(1, Ordering::Relaxed);
         });
-        let one_by_one = (0..3).map(|index| run_episode(&controller, &config, &scenario.episode(5, index), None));
+        let one_by_one =
+            (0..3).map(|index| run_episode(&controller, &config, &scenario.episode(5, index), Watch::Nothing));
         assert_eq!(many.unwrap(), one_by_one.collect::<Result<Vec<_>, _>>().unwrap());
         assert_eq!(done.into_inner(), 3);
     }
@@ -303,7 +341,8 @@ mod tests {
         let constant = action::decode(&default_params(), Lpg::Knee, &trainer.mean_action());
         let policy = Controller::Policy { policy: Box::new(trainer.policy()), base: constant, lpg: Lpg::Knee };
         let episode = Scenario::load("push-grid").unwrap().episode(7, 5);
-        let run = |controller: &Controller| run_episode(controller, &SilConfig::default(), &episode, None).unwrap();
+        let run =
+            |controller: &Controller| run_episode(controller, &SilConfig::default(), &episode, Watch::Nothing).unwrap();
         assert_eq!(run(&policy), run(&Controller::Constants(constant)));
     }
 }

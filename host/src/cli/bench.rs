@@ -10,7 +10,8 @@ use sarah_sim::scenario::{Episode, Scenario};
 use sarah_sim::sil::SilConfig;
 use sarah_sim::world::{self, World};
 
-use super::{CliError, IMAGES, LinkArgs};
+use super::CliError;
+use super::link::{IMAGES, LinkArgs};
 use crate::bench::latency::{self, Times};
 use crate::bench::wire::Wire;
 use crate::bench::{BenchError, flood, soak};

@@ -7,7 +7,8 @@ use sarah_sim::emulated::NAMES;
 use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::SilConfig;
 
-use super::{CliError, IMAGES};
+use super::CliError;
+use super::link::IMAGES;
 use crate::emulate::serve::{Server, Service, serve};
 use crate::emulate::{self, Setup, Shown, gdb};
 use crate::flash::Node;

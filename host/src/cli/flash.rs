@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{CliError, IMAGES};
+use super::CliError;
+use super::link::IMAGES;
 use crate::flash::{self, BOARDS_FILE, Boards, FlashError, Job, Node, Tool};
 
 #[derive(Args, Debug)]

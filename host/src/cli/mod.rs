@@ -2,38 +2,33 @@
 
 mod bench;
 mod emulate;
+mod evaluate;
 mod flash;
+mod link;
 mod monitor;
 mod params;
 mod record;
 mod study;
+mod train;
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use sarah_firmware::default_params;
-use sarah_sim::scenario::{Overrides, Scenario, ScenarioError};
-use sarah_sim::sensors::SensorConfig;
-use sarah_sim::sil::SilConfig;
+use clap::{Parser, Subcommand};
+use sarah_sim::scenario::ScenarioError;
 use thiserror::Error;
 
 use crate::bench::BenchError;
 use crate::emulate::EmulateError;
-use crate::evaluate::{Controller, EvaluateError, autonomy, run_many};
+use crate::evaluate::EvaluateError;
 use crate::flash::FlashError;
-use crate::link::port::Target;
-use crate::metrics::Summary;
 use crate::monitor::MonitorError;
 use crate::params::assign::AssignError;
 use crate::params::errand::RobotError;
-use crate::progress::Progress;
 use crate::recording::RecordingError;
-use crate::report::{ControllerReport, Evaluation, headline};
-use crate::run::{Layout, ParamFileError, RunError, load_param_set, read_text};
+use crate::report::headline;
+use crate::run::{Layout, ParamFileError, RunError};
 use crate::study::StudyError;
-use crate::task::odometry::audit::{AuditSummary, ErrorM};
-use crate::train::{self, ConfigError, Method, Operator, TrainConfig, TrainError};
+use crate::train::{ConfigError, TrainError, outcome};
 
 /// Trains, evaluates and reports the balance of a biped that steps by local pattern generators.
 #[derive(Parser, Debug)]
@@ -54,13 +49,13 @@ enum Verb {
         sarah train --link serial:/dev/ttyACM0   a robot, in real time; type a to arm it\n  \
         sarah train --link serial --arm          the only board plugged in; arms at once, and after falls\n  \
         sarah train --resume runs/robot-1 --link serial:/dev/ttyACM1")]
-    Train(TrainArgs),
+    Train(train::TrainArgs),
     /// Run a controller through a scenario and sum it up.
     #[command(after_help = "Examples:\n  sarah evaluate --scenario stand --episodes 3\n  \
         sarah evaluate --controller braked --scenario push-grid --impulse 24\n  \
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
         --repeats 4 --seed 7 --json")]
-    Evaluate(EvaluateArgs),
+    Evaluate(evaluate::EvaluateArgs),
     /// Show, compare and change parameter sets: of files, of runs, of a robot, of the firmware.
     #[command(after_help = "Examples:\n  sarah params show runs/train-1\n  \
         sarah params set --from runs/train-1 --link serial\n  \
@@ -120,153 +115,6 @@ enum Verb {
     },
 }
 
-#[derive(Args, Debug)]
-struct TrainArgs {
-    /// Small numbers: shows that everything works, proves nothing.
-    #[arg(long, conflicts_with_all = ["config", "resume"])]
-    quick: bool,
-    /// First seed.
-    #[arg(long, conflicts_with = "resume")]
-    seed: Option<u64>,
-    /// Number of seeds.
-    #[arg(long, conflicts_with = "resume")]
-    seeds: Option<u64>,
-    /// Episodes per session.
-    #[arg(long, conflicts_with = "resume")]
-    episodes: Option<u32>,
-    /// Methods to train, ours first: enaf, enaf-paper, cma-es, random.
-    #[arg(long, conflicts_with = "resume", value_delimiter = ',', value_parser = method)]
-    methods: Option<Vec<Method>>,
-    /// Configuration file; what it leaves out takes its default.
-    #[arg(long, conflicts_with = "resume")]
-    config: Option<PathBuf>,
-    /// Run folder to make; by default runs/train-SEED (runs/quick-SEED).
-    #[arg(long, conflicts_with = "resume")]
-    out: Option<PathBuf>,
-    /// Run folder to go on with.
-    #[arg(long)]
-    resume: Option<PathBuf>,
-    /// Print the configuration and stop.
-    #[arg(long, conflicts_with = "resume")]
-    print_config: bool,
-    /// On a robot: arm when it stands, and again whenever somebody has put it back on its feet after a fall. Without
-    /// it, type a.
-    #[arg(long)]
-    arm: bool,
-    /// On a robot: listen here, for instance 127.0.0.1:7755, for poses from whoever sees it from outside; see
-    /// docs/odometry.md. Without it, odometry alone.
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pose: Option<String>,
-    #[command(flatten)]
-    link: LinkArgs,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum ControllerName {
-    /// The set built into the firmware.
-    Default,
-    /// Brakes on, whatever happens.
-    Braked,
-}
-
-#[derive(Args, Debug)]
-struct EvaluateArgs {
-    /// Parameter file (params.toml).
-    #[arg(long, conflicts_with = "controller")]
-    params: Option<PathBuf>,
-    /// A controller that needs no file.
-    #[arg(long, value_enum, default_value = "default")]
-    controller: ControllerName,
-    /// paper, push-grid, stand, train, or the path of a TOML file.
-    #[arg(long, default_value = "push-grid")]
-    scenario: String,
-    /// Impulse of every push, N·s, instead of the scenario's own.
-    #[arg(long)]
-    impulse: Option<f32>,
-    /// Directions of a push grid.
-    #[arg(long)]
-    directions: Option<u32>,
-    /// Episodes per direction of a push grid.
-    #[arg(long)]
-    repeats: Option<u32>,
-    /// Episodes of a scenario that is not a grid.
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    episodes: u64,
-    /// Seed of pushes and sensor noise.
-    #[arg(long, default_value_t = 7)]
-    seed: u64,
-    /// Ticks of the pattern generators per second, 100 to 10000.
-    #[arg(long, default_value_t = 100)]
-    lpg_rate: u32,
-    /// Switch all sensor errors off.
-    #[arg(long)]
-    perfect_sensors: bool,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
-    #[command(flatten)]
-    link: LinkArgs,
-}
-
-/// What balances.
-#[derive(Clone, PartialEq, Eq, Debug)]
-enum LinkName {
-    /// The firmware library in the simulator.
-    Sim,
-    /// The flashed images on emulated chips.
-    Emulated,
-    /// A robot on a serial port.
-    Serial(String),
-}
-
-impl FromStr for LinkName {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<LinkName, String> {
-        match text {
-            "sim" => Ok(LinkName::Sim),
-            "emulated" => Ok(LinkName::Emulated),
-            text if text.parse::<Target>().is_ok() => Ok(LinkName::Serial(text.into())),
-            _ => {
-                Err("give sim, emulated, serial:PATH (for instance serial:/dev/ttyACM0), or serial for the only board"
-                    .into())
-            }
-        }
-    }
-}
-
-#[derive(Args, Debug)]
-struct LinkArgs {
-    /// What balances: `sim`, the firmware's library, which it is if nothing is said; `emulated`, its images on emulated chips; `serial:PATH`, a robot,
-    /// or `serial` for the only board that is plugged in.
-    #[arg(long, value_name = "LINK")]
-    link: Option<LinkName>,
-    /// Where the images lie.
-    #[arg(long, default_value = IMAGES)]
-    images: PathBuf,
-}
-
-impl LinkArgs {
-    fn images(&self) -> Option<PathBuf> {
-        (self.link == Some(LinkName::Emulated)).then(|| self.images.clone())
-    }
-
-    fn serial(&self) -> Option<&str> {
-        match &self.link {
-            Some(LinkName::Serial(link)) => Some(link),
-            _ => None,
-        }
-    }
-
-    /// A simulated robot was asked for in so many words.
-    fn simulated(&self) -> bool {
-        matches!(self.link, Some(LinkName::Sim | LinkName::Emulated))
-    }
-}
-
-/// Where `cargo firmware` puts the images.
-const IMAGES: &str = "target/thumbv6m-none-eabi/firmware";
-
 /// Why a command failed; one line each.
 #[derive(Debug, Error)]
 pub enum CliError {
@@ -323,8 +171,8 @@ pub enum CliError {
 /// Does what the command line says.
 pub fn main() -> Result<(), CliError> {
     match Cli::parse().verb {
-        Verb::Train(args) => train_verb(args),
-        Verb::Evaluate(args) => evaluate_verb(&args),
+        Verb::Train(args) => train::run(args),
+        Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Params { verb } => params::run(&verb),
         Verb::Monitor(args) => monitor::run(&args),
         Verb::Record(args) => record::record(&args),
@@ -339,8 +187,8 @@ pub fn main() -> Result<(), CliError> {
             if !layout.evaluation().exists() {
                 return Err(RunError::Unfinished(layout.root().to_path_buf()).into());
             }
-            let report = train::outcome::read_report(&layout)?;
-            train::outcome::write_report(&layout, &report)?;
+            let report = outcome::read_report(&layout)?;
+            outcome::write_report(&layout, &report)?;
             for evaluation in &report.evaluations {
                 println!("{}", headline(evaluation));
             }
@@ -348,99 +196,6 @@ pub fn main() -> Result<(), CliError> {
             Ok(())
         }
     }
-}
-
-fn train_verb(args: TrainArgs) -> Result<(), CliError> {
-    let serial = args.link.serial().map(String::from);
-    let operator = Operator { arm: args.arm, link: serial.clone(), pose: args.pose.clone() };
-    if let Some(folder) = args.resume {
-        if args.link.simulated() {
-            return Err(CliError::Ignored("--link sim and emulated", "with --resume, which goes on as the run began"));
-        }
-        train::resume(&folder, &operator)?;
-        return Ok(());
-    }
-    let mut config = match &args.config {
-        Some(path) => TrainConfig::parse(&path.display().to_string(), &read_text(path)?)?,
-        None if args.quick => TrainConfig::quick(),
-        None => TrainConfig::default(),
-    };
-    config.seed = args.seed.unwrap_or(config.seed);
-    config.seeds = args.seeds.unwrap_or(config.seeds);
-    config.episodes = args.episodes.unwrap_or(config.episodes);
-    let methods_given = args.methods.is_some();
-    config.methods = args.methods.unwrap_or(config.methods);
-    config.robot.images = args.link.images().or(config.robot.images);
-    if args.link.simulated() {
-        config.link = None;
-    }
-    if let Some(link) = &serial {
-        if args.seeds.is_some() || methods_given {
-            return Err(CliError::Ignored("--seeds and --methods", "on a robot, which trains eNAF with one seed"));
-        }
-        config = config.on_a_robot(link);
-    }
-    if config.link.is_none() && (args.arm || args.pose.is_some()) {
-        return Err(CliError::Ignored("--arm and --pose", "in simulation"));
-    }
-    config.validate()?;
-    if args.print_config {
-        print!("{}", config.to_toml()?);
-        return Ok(());
-    }
-    let kind = match &config.link {
-        Some(_) => "robot",
-        None if args.quick => "quick",
-        None => "train",
-    };
-    let name = format!("runs/{kind}-{}", config.seed);
-    train::train(&config, args.out.as_deref().unwrap_or(Path::new(&name)), &operator)?;
-    Ok(())
-}
-
-fn evaluate_verb(args: &EvaluateArgs) -> Result<(), CliError> {
-    if args.link.serial().is_some() {
-        return Err(CliError::OnlySimulated("evaluate"));
-    }
-    let (name, controller) = match (&args.params, args.controller) {
-        (Some(path), _) => (path.display().to_string(), Controller::Constants(load_param_set(path)?.0)),
-        (None, ControllerName::Default) => ("default".into(), Controller::Constants(default_params())),
-        (None, ControllerName::Braked) => ("braked".into(), Controller::Braked),
-    };
-    let overrides = Overrides { impulse_n_s: args.impulse, directions: args.directions, repeats: args.repeats };
-    let scenario = Scenario::load(&args.scenario)?.with(&overrides)?;
-    let sensors = if args.perfect_sensors { SensorConfig::perfect() } else { SensorConfig::default() };
-    let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, images: args.link.images(), ..SilConfig::default() };
-    let count = scenario.episodes().unwrap_or(args.episodes);
-    let progress = Progress::new(count);
-    let results = run_many(&controller, &config, &scenario, args.seed, count, &|| progress.episode(None));
-    progress.finish();
-    let results = results?;
-    let mut summary = Summary::new(&name, &args.scenario, &results);
-    summary.autonomy = autonomy(&config.energy, &results);
-    let audited: Vec<_> = results.iter().filter_map(|result| result.odometry.clone()).collect();
-    summary.odometry_error_m = Some(AuditSummary::new(&audited));
-    if args.json {
-        // A summary has only finite numbers, names and lists: it always serialises.
-        println!("{}", serde_json::to_string(&summary).unwrap_or_default());
-        return Ok(());
-    }
-    let mut report = ControllerReport::new(&name, &args.scenario, &results);
-    report.summary = summary;
-    let title = format!("{}, {count} episodes, seed {}", args.scenario, args.seed);
-    println!("{}", headline(&Evaluation { title, controllers: vec![report] }));
-    if let Some(ErrorM { median, p95 }) = AuditSummary::new(&audited).after_push_m {
-        let cm = 100.0;
-        println!("odometry, 3 s after a push: {:.1} cm off in the median, {:.1} cm at 95 %", median * cm, p95 * cm);
-    }
-    Ok(())
-}
-
-fn method(text: &str) -> Result<Method, String> {
-    let all = [Method::Enaf, Method::EnafPaper, Method::CmaEs, Method::Random];
-    all.into_iter()
-        .find(|method| method.folder() == text)
-        .ok_or_else(|| "give enaf, enaf-paper, cma-es or random".into())
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! `sarah record` and `sarah replay`.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -11,7 +10,8 @@ use sarah_sim::robot::Health;
 use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::SilConfig;
 
-use super::{CliError, IMAGES};
+use super::CliError;
+use super::link::{LinkArgs, LinkName};
 use crate::link::port::Target;
 use crate::progress::Progress;
 use crate::recording::live::{Going, Listening};
@@ -24,37 +24,8 @@ const RATE_HZ: u16 = 100;
 /// Between two lines on how a recording without an end goes, s.
 const LINE_S: f64 = 10.0;
 
-/// Whom to record.
-#[derive(Clone, PartialEq, Eq, Debug)]
-enum Source {
-    /// The firmware library in the simulator.
-    Sim,
-    /// The flashed images on emulated chips.
-    Emulated,
-    /// A robot on a serial port.
-    Serial(Target),
-}
-
-impl FromStr for Source {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Source, String> {
-        match text {
-            "sim" => Ok(Source::Sim),
-            "emulated" => Ok(Source::Emulated),
-            other => match other.parse() {
-                Ok(target) => Ok(Source::Serial(target)),
-                Err(_) => Err("give sim, emulated, serial:PATH, or serial for the only board".into()),
-            },
-        }
-    }
-}
-
 #[derive(Args, Debug)]
 pub(super) struct RecordArgs {
-    /// Whom: sim, emulated, serial:PATH, or serial for the only board plugged in.
-    #[arg(long, default_value = "sim")]
-    link: Source,
     /// File to make; by default recordings/TIME.mcap.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -74,9 +45,8 @@ pub(super) struct RecordArgs {
     /// Ticks of the pattern generators per second with --link sim, 100 to 10000.
     #[arg(long, default_value_t = 100)]
     lpg_rate: u32,
-    /// Where the images lie, for --link emulated.
-    #[arg(long, default_value = IMAGES)]
-    images: PathBuf,
+    #[command(flatten)]
+    link: LinkArgs,
 }
 
 #[derive(Args, Debug)]
@@ -92,22 +62,22 @@ pub(super) fn record(args: &RecordArgs) -> Result<(), CliError> {
         Path::new("recordings").join(format!("{}.mcap", utc_now().replace(':', "-")))
     });
     let stop = stop_at_ctrl_c()?;
-    match &args.link {
-        Source::Serial(target) => listen(args, target, &path, &stop),
-        simulated => simulate(args, *simulated == Source::Emulated, &path, &stop),
+    match args.link.serial() {
+        Some(target) => listen(args, target, &path, &stop),
+        None => simulate(args, &path, &stop),
     }
 }
 
-fn simulate(args: &RecordArgs, emulated: bool, path: &Path, stop: &AtomicBool) -> Result<(), CliError> {
+fn simulate(args: &RecordArgs, path: &Path, stop: &AtomicBool) -> Result<(), CliError> {
     let episode = Scenario::load(&args.scenario)?.episode(args.seed, 0);
-    let images = emulated.then(|| args.images.clone());
+    let images = args.link.images();
+    let link = args.link.link.as_ref().unwrap_or(&LinkName::Sim).to_string();
     let simulation = Simulation {
         config: SilConfig { images, lpg_rate_hz: args.lpg_rate, ..SilConfig::default() },
         seconds: args.seconds.unwrap_or_else(|| f64::from(episode.duration_s)),
         rate_hz: args.rate.unwrap_or(RATE_HZ),
         episode,
     };
-    let link = if emulated { "emulated" } else { "sim" };
     let seed = args.seed.to_string();
     let about = About::default().with("link", link).with("scenario", &args.scenario).with("seed", seed);
     let mut recorder = Recorder::create(path, about)?;

@@ -1,9 +1,11 @@
 //! Serial ports: which there are, and opening one with errors that say what to do.
 
+use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use serialport::{ErrorKind, SerialPort, SerialPortType};
 use thiserror::Error;
 
@@ -14,8 +16,9 @@ const READ: Duration = Duration::from_millis(1);
 /// USB vendor and product of the debugger on SAM C21 and E54 Xplained Pro boards, which is also their serial port.
 const EDBG: (u16, u16) = (0x03eb, 0x2111);
 
-/// Which port a robot is on.
-#[derive(Clone, PartialEq, Eq, Debug)]
+/// Which port a robot is on; in text `serial`, or `serial:PATH`.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub enum Target {
     /// The only board that is plugged in.
     Only,
@@ -32,6 +35,29 @@ impl FromStr for Target {
             Some(path) if !path.is_empty() && text.starts_with("serial:") => Ok(Target::Path(path.into())),
             _ => Err("give serial:PATH, for instance serial:/dev/ttyACM0, or serial for the only board".into()),
         }
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Target::Only => f.write_str("serial"),
+            Target::Path(path) => write!(f, "serial:{path}"),
+        }
+    }
+}
+
+impl TryFrom<String> for Target {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Target, String> {
+        text.parse()
+    }
+}
+
+impl From<Target> for String {
+    fn from(target: Target) -> String {
+        target.to_string()
     }
 }
 
@@ -150,6 +176,9 @@ mod tests {
     fn a_target_is_the_only_board_or_a_path() {
         assert_eq!("serial".parse(), Ok(Target::Only));
         assert_eq!("serial:/dev/ttyACM0".parse(), Ok(Target::Path("/dev/ttyACM0".into())));
+        for text in ["serial", "serial:/dev/ttyACM0"] {
+            assert_eq!(text.parse::<Target>().map(|target| target.to_string()).as_deref(), Ok(text));
+        }
         for wrong in ["serial:", "seriell", "serial/dev/ttyACM0", "", "tcp:1"] {
             assert!(wrong.parse::<Target>().is_err(), "{wrong}");
         }

@@ -58,15 +58,15 @@ pub struct Robot {
 }
 
 /// A robot that answers, and what else a run needs before anything is written.
-pub struct Reached<'a> {
-    robot: &'a Robot,
+pub struct Reached {
+    robot: Robot,
     link: Link,
     geometry: Geometry,
     poses: Option<PoseSocket>,
 }
 
 /// Opens the port and waits for the robot's hello.
-pub fn reach(robot: &Robot) -> Result<Reached<'_>, TrainError> {
+pub fn reach(robot: Robot) -> Result<Reached, TrainError> {
     let geometry = Geometry::load().map_err(SilError::from).map_err(LinkError::from).map_err(EvaluateError::from)?;
     let poses = robot.pose.as_deref().map(listen_for_poses).transpose()?;
     let link = Link::open(&robot.target, Role::Writer)?;
@@ -84,7 +84,7 @@ pub fn reach(robot: &Robot) -> Result<Reached<'_>, TrainError> {
 /// Trains the robot; ends early, to be resumed, when the operator says so.
 pub fn train(
     config: &TrainConfig,
-    reached: Reached<'_>,
+    reached: Reached,
     folder: &RunFolder,
     info: &RunInfo,
 ) -> Result<PathBuf, TrainError> {
@@ -118,10 +118,13 @@ pub fn train(
     if let Err(error) = bench.recorder.finish() {
         progress.print(&format!("the recording ended early: {error}"));
     }
+    if bench.recorder.dropped() > 0 {
+        progress.print(&format!("the disk was too slow: {} items were not recorded", bench.recorder.dropped()));
+    }
     progress.finish();
     println!("{}", bench.farewell());
     let root = folder.layout().root().to_path_buf();
-    let link = link_name(&bench.reached.robot.target);
+    let link = &bench.reached.robot.target;
     match result? {
         None => println!("to go on: sarah train --resume {}", root.display()),
         Some(applied) => {
@@ -173,13 +176,6 @@ fn listen_for_poses(address: &str) -> Result<PoseSocket, TrainError> {
     PoseSocket::bind(address).map_err(|source| TrainError::Poses { address: address.into(), source })
 }
 
-fn link_name(target: &Target) -> String {
-    match target {
-        Target::Only => "serial".into(),
-        Target::Path(path) => format!("serial:{path}"),
-    }
-}
-
 /// A session as its journal left it, or a new one.
 fn open(
     config: &TrainConfig,
@@ -202,7 +198,7 @@ fn open(
 
 /// Everything a session is run with.
 struct Bench<'a> {
-    reached: Reached<'a>,
+    reached: Reached,
     collector: Collector,
     recorder: Recorder,
     words: Receiver<Word>,

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::task::odometry::audit::Audited;
-
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -77,7 +75,4 @@ pub struct EpisodeResult {
     pub reward_paper: f32,
     /// Mean reward of the gated form.
     pub reward_gated: f32,
-    /// How far odometry was from the truth; not kept with the run, whose controllers know nothing of it.
-    #[serde(skip)]
-    pub odometry: Option<Audited>,
 }

@@ -194,7 +194,6 @@ mod tests {
             energy_j: EnergyJ { actuators: 80.0, brakes: 15.0, compute: 5.0 },
             reward_paper: 0.25,
             reward_gated: 0.5,
-            odometry: None,
         }
     }
 
@@ -228,7 +227,6 @@ mod tests {
             drift_3s_m: Some(f32::INFINITY),
             reward_paper: f32::NAN,
             reward_gated: f32::NAN,
-            odometry: None,
             ..good.clone()
         };
         let summary = Summary::new("trained", "push-grid", &[good.clone(), spoilt, good]);

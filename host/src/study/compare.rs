@@ -232,7 +232,6 @@ mod tests {
             drift_3s_m: Some(drift_m),
             settle_s: survived.then_some(2.0),
             energy_j: EnergyJ::default(),
-            odometry: None,
             reward_paper: 0.0,
             reward_gated: if survived { 0.75 } else { 0.25 },
         }

@@ -15,7 +15,7 @@ use super::overrides::drawn;
 use super::plan::{Condition, DRAW_SEED, EvaluationPlan, JUDGE_SEED, Learner, Plan, TrainingPlan};
 use super::sittings::{Sitting, Sittings};
 use super::unit::{Cell, SessionData, Unit};
-use crate::evaluate::{Controller, parallel, run_episode};
+use crate::evaluate::{Controller, Watch, parallel, run_episode};
 use crate::metrics::EpisodeResult;
 use crate::progress::Progress;
 use crate::report::columns;
@@ -151,7 +151,7 @@ impl Worker<'_> {
         index: u64,
         name: &str,
     ) -> Result<EpisodeResult, StudyError> {
-        let result = run_episode(controller, robot, &scenario.episode(JUDGE_SEED + seed, index), None)?;
+        let result = run_episode(controller, robot, &scenario.episode(JUDGE_SEED + seed, index), Watch::Nothing)?;
         self.progress.episode(Some(name.to_owned()));
         Ok(result)
     }
@@ -164,15 +164,10 @@ impl Worker<'_> {
             let place = self.folder.session(&format!("arms/{}", arm.name), seed, index as u8 + 1)?;
             let mut training = Session::open(&arm.config, method, session.lpg(), base, seed, &place)?;
             self.progress.skip(training.episodes().min(plan.episodes).into());
-            while training.episodes() < plan.episodes {
-                self.check()?;
-                training.episode()?;
+            training.run(&arm.config, |_| {
                 self.progress.episode(Some(format!("{name} {}", session.name())));
-                let done = training.episodes();
-                if done % arm.config.checkpoint_every == 0 || done == plan.episodes {
-                    training.save()?;
-                }
-            }
+                self.check()
+            })?;
             let trained = training.trained()?;
             let controller = match trained.policy {
                 Some(policy) => Controller::Policy { policy: Box::new(policy), base, lpg: session.lpg() },

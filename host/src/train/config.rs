@@ -59,7 +59,7 @@ pub struct TrainConfig {
     pub methods: Vec<Method>,
     /// Port of the robot that is trained, as --link has it; without it the simulated one is.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub link: Option<String>,
+    pub link: Option<Target>,
     /// Training scenario, by name or path.
     pub scenario: String,
     /// The scenario itself, as it was when the run began; a run's own record has it, so that a file edited later
@@ -117,6 +117,9 @@ pub enum ConfigError {
         /// What it must satisfy.
         rule: &'static str,
     },
+    /// What only a robot has.
+    #[error("--link, --arm and --pose mean nothing to a run in simulation: leave them out")]
+    Simulated,
     /// The agent's part.
     #[error(transparent)]
     Enaf(#[from] EnafError),
@@ -150,8 +153,8 @@ impl TrainConfig {
     }
 
     /// What of it makes sense on a robot: one seed, the agent alone, nothing compared.
-    pub fn on_a_robot(self, link: &str) -> Self {
-        TrainConfig { link: Some(link.into()), seeds: 1, methods: vec![Method::Enaf], ..self }
+    pub fn on_a_robot(self, link: Target) -> Self {
+        TrainConfig { link: Some(link), seeds: 1, methods: vec![Method::Enaf], ..self }
     }
 
     /// Reads and checks TOML; `file` is for messages.
@@ -195,11 +198,8 @@ impl TrainConfig {
         if unique.len() != self.methods.len() {
             return Err(ConfigError::Field { field: "methods", rule: "a list without repetition" });
         }
-        if let Some(link) = &self.link {
-            link.parse::<Target>().map_err(|_| ConfigError::Field { field: "link", rule: "serial or serial:PATH" })?;
-            if self.methods != [Method::Enaf] || self.seeds != 1 {
-                return Err(ConfigError::Field { field: "methods and seeds", rule: "[\"enaf\"] and 1 on a robot" });
-            }
+        if self.link.is_some() && (self.methods != [Method::Enaf] || self.seeds != 1) {
+            return Err(ConfigError::Field { field: "methods and seeds", rule: "[\"enaf\"] and 1 on a robot" });
         }
         self.enaf.validate()?;
         self.train_scenario()?;

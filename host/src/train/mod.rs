@@ -24,7 +24,7 @@ use thiserror::Error;
 
 use crate::enaf::EnafError;
 use crate::evaluate::{EvaluateError, parallel};
-use crate::link::port::PortError;
+use crate::link::port::{PortError, Target};
 use crate::link::sim::SimRobot;
 use crate::live;
 use crate::live::arming::Consent;
@@ -142,17 +142,23 @@ pub struct Operator {
     /// Arm when the robot stands, and again after every fall.
     pub arm: bool,
     /// Instead of the run's own port.
-    pub link: Option<String>,
+    pub link: Option<Target>,
     /// Where poses from outside arrive.
     pub pose: Option<String>,
 }
 
 impl Operator {
-    fn robot(&self, config: &TrainConfig) -> Result<Option<Robot>, TrainError> {
-        let Some(link) = self.link.as_ref().or(config.link.as_ref()) else { return Ok(None) };
-        let target = link.parse().map_err(|_| ConfigError::Field { field: "link", rule: "serial or serial:PATH" })?;
+    /// The robot of a run, reached; `None` in simulation, where an operator has nothing to say.
+    fn robot(&self, config: &TrainConfig) -> Result<Option<Reached>, TrainError> {
+        let Some(port) = &config.link else {
+            return match self.arm || self.link.is_some() || self.pose.is_some() {
+                true => Err(ConfigError::Simulated.into()),
+                false => Ok(None),
+            };
+        };
+        let target = self.link.as_ref().unwrap_or(port).clone();
         let consent = if self.arm { Consent::AfterFalls } else { Consent::Once };
-        Ok(Some(Robot { target, consent, arm: self.arm, pose: self.pose.clone() }))
+        live::trainer::reach(Robot { target, consent, arm: self.arm, pose: self.pose.clone() }).map(Some)
     }
 }
 
@@ -160,17 +166,16 @@ impl Operator {
 pub fn train(config: &TrainConfig, out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     config.validate()?;
     let config = &config.resolved().map_err(ConfigError::from)?;
-    let robot = operator.robot(config)?;
     // A robot that cannot be built or reached is refused before anything is written.
-    let reached = robot.as_ref().map(live::trainer::reach).transpose()?;
-    if reached.is_none() {
+    let robot = operator.robot(config)?;
+    if robot.is_none() {
         let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
         SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
     }
     let seeds = (config.seed..config.seed + config.seeds).collect();
     let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
     let folder = RunFolder::create(out, &config.to_toml()?, &info)?;
-    run(config, reached, &folder, &info)
+    run(config, robot, &folder, &info)
 }
 
 /// Goes on with a run that was cut off; ends as it would have without the cut.
@@ -178,17 +183,12 @@ pub fn resume(out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     let (folder, info) = RunFolder::resume(out)?;
     let path = folder.layout().config();
     let config = TrainConfig::parse(&path.display().to_string(), &crate::run::read_text(&path)?)?;
-    if config.link.is_none() && operator.link.is_some() {
-        return Err(ConfigError::Field { field: "--link", rule: "left out: this run trains in simulation" }.into());
-    }
-    let robot = operator.robot(&config)?;
-    let reached = robot.as_ref().map(live::trainer::reach).transpose()?;
-    run(&config, reached, &folder, &info)
+    run(&config, operator.robot(&config)?, &folder, &info)
 }
 
 fn run(
     config: &TrainConfig,
-    robot: Option<Reached<'_>>,
+    robot: Option<Reached>,
     folder: &RunFolder,
     info: &RunInfo,
 ) -> Result<PathBuf, TrainError> {
@@ -261,19 +261,13 @@ fn chain(
         let mut session = Session::open(config, method, lpg, chain.base(index), seed, &place)?;
         progress.skip(session.episodes().min(config.episodes).into());
         let mut recent = vec![];
-        while session.episodes() < config.episodes {
-            if failed.load(Ordering::Relaxed) {
-                return Err(TrainError::Stopped);
-            }
-            recent.push(session.episode()?);
+        session.run(config, |reward| {
+            recent.push(reward);
             let tail = &recent[recent.len().saturating_sub(10)..];
             let mean = tail.iter().sum::<f32>() / tail.len() as f32;
             progress.episode(Some(format!("{} seed {seed} session {number}: reward {mean:.2}", method.name())));
-            let done = session.episodes();
-            if done % config.checkpoint_every == 0 || done == config.episodes {
-                session.save()?;
-            }
-        }
+            if failed.load(Ordering::Relaxed) { Err(TrainError::Stopped) } else { Ok(()) }
+        })?;
         let metrics = read_metrics(&folder.layout().metrics(method.folder(), seed, number))?;
         let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
         folder.write_tensorboard(method.folder(), seed, number, &events)?;

@@ -8,7 +8,7 @@ use sarah_protocol::params::{Lpg, ParamSet, SPECS};
 use sarah_sim::scenario::{Overrides, Scenario};
 
 use super::{Chain, ConfigError, Method, TrainConfig, TrainError};
-use crate::evaluate::{Controller, Recording, autonomy, run_episode, run_many};
+use crate::evaluate::{Controller, Recording, Watch, autonomy, run_episode, run_many};
 use crate::figures::Push;
 use crate::metrics::EpisodeResult;
 use crate::progress::Progress;
@@ -290,7 +290,7 @@ fn shown(config: &TrainConfig, set: &ParamSet) -> Result<ShownEpisode, TrainErro
     let scenario = Scenario::load("paper").map_err(ConfigError::from)?;
     let episode = scenario.episode(config.seed, 0);
     let mut recording = Recording::default();
-    run_episode(&Controller::Constants(*set), &config.robot, &episode, Some(&mut recording))?;
+    run_episode(&Controller::Constants(*set), &config.robot, &episode, Watch::Recording(&mut recording))?;
     let push = episode.pushes.first();
     // From the middle of the push, while its force acts.
     let from_s = push.map_or(0.0, |push| push.at_s + push.duration_s / 2.0);

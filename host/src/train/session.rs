@@ -7,7 +7,7 @@ use super::TrainError;
 use super::config::{Method, TrainConfig};
 use super::journal::{Journal, Row};
 use crate::enaf::{EnafError, Policy, Trainer};
-use crate::evaluate::{Controller, run_episode};
+use crate::evaluate::{Controller, Watch, run_episode};
 use crate::run::{read_text, write_atomic};
 use crate::search::{CmaEs, RandomSearch, Search, run_constant};
 use crate::task::action;
@@ -143,6 +143,24 @@ impl Session {
         Ok(row.reward)
     }
 
+    /// Trains to the end of the session's budget with a checkpoint now and then; `each` hears every episode's reward and
+    /// may stop it.
+    pub fn run<E: From<TrainError>>(
+        &mut self,
+        config: &TrainConfig,
+        mut each: impl FnMut(f32) -> Result<(), E>,
+    ) -> Result<(), E> {
+        while self.episodes() < config.episodes {
+            let reward = self.episode()?;
+            let done = self.episodes();
+            if done.is_multiple_of(config.checkpoint_every) || done == config.episodes {
+                self.save()?;
+            }
+            each(reward)?;
+        }
+        Ok(())
+    }
+
     /// Makes everything so far outlive a kill.
     pub fn save(&mut self) -> Result<(), TrainError> {
         let learner = match &self.learner {
@@ -183,7 +201,7 @@ impl Session {
     fn differences(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
         let reward = |set: &ParamSet, index: u64| {
             let episode = self.scenario.episode(VALIDATION_SEED + self.seed, index);
-            let result = run_episode(&Controller::Constants(*set), &self.robot, &episode, None)?;
+            let result = run_episode(&Controller::Constants(*set), &self.robot, &episode, Watch::Nothing)?;
             Ok::<f32, TrainError>(match self.reward {
                 RewardForm::Paper => result.reward_paper,
                 RewardForm::Gated => result.reward_gated,
