@@ -1,16 +1,21 @@
 //! Which way is up, from gyro and accelerometer, in integers.
 //!
 //! ```text
-//!  gyro ω ──► up += dt·(up × ω) + …(3rd order) ──►(+)──► one Newton step to length 1 ──► up (body frame, Q30)
-//!  accel a ── only while ||a| − g| < 2 m/s² ─ (a/g − up)·dt/τ ┘
+//!  gyro ω − bias ──► up += dt·(up × ω) + …(3rd order) ──►(+)──► one Newton step to length 1 ──► up (body frame, Q30)
+//!  accel a ───────── only while ||a| − g| < 2 m/s² ── (a/g − up)·dt/τ ┘
 //! ```
 //!
 //! Body axes: x forward, y left, z up. The state is the world's up in body axes, so there is no angle to wrap and no
-//! singular pose. τ = 0.5 s; for the first 0.3 s the gain is 20/s, so that a robot that starts tilted knows it before it
-//! may move. The gyro is taken as the mean of the last two samples (trapezoid): at 100 Hz a plain sum lags by 5 ms,
+//! singular pose. The gyro is taken as the mean of the last two samples (trapezoid): at 100 Hz a plain sum lags by 5 ms,
 //! which at 2 rad/s is 10 mrad.
+//!
+//! A push and a step look like a lean to the accelerometer, so it is believed at rest (τ = 0.3 s) and hardly while the
+//! trunk moves (3 s). At rest the gyro's mean is learned as its bias, or those 3 s would make a lean of it. For the first
+//! 0.3 s the gain is 20/s: a robot that starts tilted knows it before it may move.
 
 mod arithmetic;
+
+use core::ops::Range;
 
 use sarah_protocol::bus::{Mode, Motion};
 use sarah_protocol::fixed::{Q16, wide};
@@ -39,16 +44,29 @@ const RATE: i32 = (RADIANS_PER_COUNT * (1u64 << 32) as f64 + 0.5) as i32;
 /// Accelerometer count → m/s² in Q16, times 2⁸.
 const ACCELERATION: i32 = (9.80665 / 2048.0 * (1u64 << 24) as f64 + 0.5) as i32;
 /// Squared counts between which the accelerometer is believed: g ± 2 m/s².
-const GATE: core::ops::Range<u32> = gate(9.80665 - 2.0)..gate(9.80665 + 2.0);
-const SLOW: TimeConstant = TimeConstant::us(500_000);
+const GATE: Range<u32> = gate(2.0);
+const MOVING: TimeConstant = TimeConstant::us(3_000_000);
+const RESTING: TimeConstant = TimeConstant::us(300_000);
 const FAST: TimeConstant = TimeConstant::us(50_000);
 const FAST_FOR_US: u32 = 300_000;
+/// At rest the acceleration is g ± 0.6 m/s² …
+const REST_GATE: Range<u32> = gate(0.6);
+/// … and the rotation below 0.08 rad/s, in squared counts, …
+const REST_GYRO: u32 = (0.08 * 0.08 / (RADIANS_PER_COUNT * RADIANS_PER_COUNT)) as u32;
+/// … for this long.
+const REST_US: u32 = 100_000;
+/// Rest after which the gyro's bias is learned, and how fast.
+const LEARN_AFTER_US: u32 = 300_000;
+const LEARNING: TimeConstant = TimeConstant::us(500_000);
+/// The largest bias, 0.1 rad/s, in counts · 2¹⁶: parts of this kind keep to a fifth of it.
+const BIAS_MAX: i64 = (0.1 / RADIANS_PER_COUNT * 65536.0) as i64;
 /// Of the slow rate.
 const LOW_PASS: TimeConstant = TimeConstant::us(21_200);
 
-const fn gate(acceleration: f64) -> u32 {
-    let counts = acceleration * 2048.0 / 9.80665;
-    (counts * counts) as u32
+/// g ± `spread`, m/s², in squared counts.
+const fn gate(spread: f64) -> Range<u32> {
+    let (low, high) = (2048.0 - spread * 2048.0 / 9.80665, 2048.0 + spread * 2048.0 / 9.80665);
+    (low * low) as u32..(high * high) as u32
 }
 
 /// The filter. Same input, same output, bit for bit, on every machine.
@@ -56,8 +74,12 @@ const fn gate(acceleration: f64) -> u32 {
 pub struct Attitude {
     /// World up in body axes, Q30; each at most 1.
     up: [i32; 3],
-    /// The gyro sample before, counts.
+    /// The gyro sample before, without its bias, counts.
     gyro: [i16; 3],
+    /// Of the gyro, counts · 2¹⁶.
+    bias: [i32; 3],
+    /// Time at rest, µs; stops at [`LEARN_AFTER_US`].
+    rest_us: u32,
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
     slow: [i64; 2],
     /// Time since the first sample, µs; stops at [`FAST_FOR_US`].
@@ -74,7 +96,7 @@ impl Default for Attitude {
 impl Attitude {
     /// Upright until the first samples say otherwise.
     pub const fn new() -> Self {
-        Attitude { up: [0, 0, ONE], gyro: [0; 3], slow: [0; 2], age_us: 0, started: false }
+        Attitude { up: [0, 0, ONE], gyro: [0; 3], bias: [0; 3], rest_us: 0, slow: [0; 2], age_us: 0, started: false }
     }
 
     /// Whether the first 0.3 s of fast convergence are over.
@@ -87,26 +109,46 @@ impl Attitude {
         self.up
     }
 
+    /// What was taken off the newest gyro sample, counts.
+    pub fn bias(&self) -> [i16; 3] {
+        self.bias.map(|bias| ((bias + (1 << 15)) >> 16) as i16)
+    }
+
+    /// Takes `counts` for the gyro's bias: for whoever follows a filter that has learned longer.
+    pub fn assume_bias(&mut self, counts: [i16; 3]) {
+        self.bias = counts.map(|axis| i32::from(axis) << 16);
+    }
+
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
+        if self.rest_us == LEARN_AFTER_US {
+            self.learn(dt_us, sample.gyro);
+        }
+        let gyro = self.unbiased(sample.gyro);
         // The first sample has no interval behind it: it can only tell where gravity is.
         let mut up = match self.started {
-            true => self.rotated(dt_us, sample.gyro),
+            true => self.rotated(dt_us, gyro),
             false => self.up.map(i64::from),
         };
         self.started = true;
-        self.gyro = sample.gyro;
+        self.gyro = gyro;
 
-        let squared = square(sample.accel);
+        let (squared, turning) = (square(sample.accel), square(gyro));
+        let rests = turning < REST_GYRO && REST_GATE.contains(&squared);
+        self.rest_us = if rests { (self.rest_us + dt_us).min(LEARN_AFTER_US) } else { 0 };
         if GATE.contains(&squared) {
-            let tau = if self.settled() { SLOW } else { FAST };
+            let tau = match self.settled() {
+                false => FAST,
+                true if self.rest_us >= REST_US => RESTING,
+                true => MOVING,
+            };
             correct(&mut up, tau.share(dt_us), sample.accel);
         }
         self.up = normalised(up);
         self.age_us = (self.age_us + dt_us).min(FAST_FOR_US);
 
-        let [wx, wy, _] = sample.gyro;
+        let [wx, wy, _] = gyro;
         let rate = [rate(wy), -rate(wx)];
         let gain = low_pass_gain(dt_us);
         for (slow, rate) in self.slow.iter_mut().zip(rate) {
@@ -118,10 +160,25 @@ impl Attitude {
             sequence: 0,
             mode: Mode::Braked,
             acceleration: Q16(((wide(root(squared), ACCELERATION) + (1 << 15)) >> 16) as i32),
-            rotation: Q16(((wide(root(square(sample.gyro)), RATE) + (1 << 23)) >> 24) as i32),
+            rotation: Q16(((wide(root(turning), RATE) + (1 << 23)) >> 24) as i32),
             rate,
             slow_rate: self.slow.map(|slow| Q16(((slow + (1 << 15)) >> 16) as i32)),
             lean: [arc_sine(-x), arc_sine(-y)],
+        }
+    }
+
+    fn unbiased(&self, mut gyro: [i16; 3]) -> [i16; 3] {
+        for (axis, bias) in gyro.iter_mut().zip(self.bias()) {
+            *axis = axis.saturating_sub(bias);
+        }
+        gyro
+    }
+
+    fn learn(&mut self, dt_us: u32, gyro: [i16; 3]) {
+        let gain = LEARNING.share(dt_us);
+        for (bias, gyro) in self.bias.iter_mut().zip(gyro) {
+            let error = (i64::from(gyro) << 16) - i64::from(*bias);
+            *bias = (i64::from(*bias) + (times(error, gain) >> 30)).clamp(-BIAS_MAX, BIAS_MAX) as i32;
         }
     }
 

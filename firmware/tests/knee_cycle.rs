@@ -22,7 +22,9 @@ fn motion(rotation: f64, lean: [f64; 2]) -> Motion {
     Motion { acceleration: Q16::lit(9.81), rotation: Q16::lit(rotation), lean: lean.map(Q16::lit), ..Motion::default() }
 }
 
-const PUSHED: fn() -> Motion = || motion(1.0, [0.0, 0.05]);
+const PUSHED: fn() -> Motion = || motion(1.0, [0.0, 0.15]);
+/// Factor is high, and the feet hold the robot.
+const HELD: fn() -> Motion = || motion(1.0, [0.0, 0.02]);
 const QUIET: fn() -> Motion = || motion(0.0, [0.0, 0.0]);
 
 /// LPG1 with ideal actuators; feet unload when shorter than −5 mm.
@@ -124,7 +126,7 @@ fn one_loaded_foot_and_a_fast_fall_chain_a_step_of_the_unloaded_leg() {
 
 #[test]
 fn the_first_leg_is_on_the_side_of_the_fall() {
-    for (lateral, side) in [(0.05, Side::Left), (-0.05, Side::Right)] {
+    for (lateral, side) in [(0.15, Side::Left), (-0.15, Side::Right)] {
         let mut rig = Rig::new(1_000);
         rig.motion = motion(1.0, [0.0, lateral]);
         rig.tick();
@@ -159,7 +161,8 @@ fn kick_extends_only_the_swing_leg_and_ends_at_its_time() {
         }
         // 0.09 m/s cannot reach the kick height within the limit, so the time ends it, to the nearest tick.
         let seconds = (ticks - 1) as f64 * dt as f64 * 1e-6;
-        assert!((seconds - 0.072).abs() <= 0.5e-6 * dt as f64 + 1e-9, "{seconds} at {dt} µs");
+        let limit = f64::from(KNEE.kick_us) * 1e-6;
+        assert!((seconds - limit).abs() <= 0.5e-6 * dt as f64 + 1e-9, "{seconds} at {dt} µs");
     }
 }
 
@@ -174,8 +177,9 @@ fn retract_lifts_the_foot_to_the_step_height_then_extends() {
             depth = depth.max(-rig.position[0]);
             rig.tick();
         }
-        // Factor is about 1 here, so the step is clamped to 69.8 mm; a tick at 0.8 m/s is the sampling error.
-        assert!((0.0698 - 1e-4..0.0698 + 0.9 * dt as f64 * 1e-6 + 1e-4).contains(&depth), "{depth} at {dt} µs");
+        // Factor is about 1 here, so the step is the longest; a tick at 0.8 m/s is the sampling error.
+        let longest = f64::from(KNEE.step.1.to_f32());
+        assert!((longest - 1e-4..longest + 0.9 * dt as f64 * 1e-6 + 1e-4).contains(&depth), "{depth} at {dt} µs");
     }
 }
 
@@ -183,8 +187,9 @@ fn retract_lifts_the_foot_to_the_step_height_then_extends() {
 fn unloading_raises_lift_off_and_loading_raises_touchdown_once_each() {
     for dt in RATES {
         let mut rig = Rig::new(dt);
-        rig.motion = motion(1.0, [0.0, 0.02]); // slow enough that touchdown does not brake at once
+        rig.motion = PUSHED();
         let mut events = rig.run(|r| r.knee.phase() == Phase::Retract);
+        rig.motion = HELD(); // touchdown does not brake at once
         rig.load = [AIR, LOADED];
         events.extend(rig.run(|r| r.knee.phase() == Phase::Extend && r.position[0] > -0.03));
         rig.load = [LOADED, LOADED];
@@ -217,8 +222,9 @@ fn touchdown_while_still_falling_brakes_the_leg_at_once() {
 #[test]
 fn touchdown_of_a_slow_fall_finishes_the_extension_slowly() {
     let mut rig = Rig::new(1_000);
-    rig.motion = motion(1.0, [0.0, 0.0]);
+    rig.motion = PUSHED();
     rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = HELD();
     let leg = rig.knee.swing() as usize;
     rig.load[leg] = AIR;
     rig.run(|r| r.knee.phase() == Phase::Extend);
@@ -256,10 +262,142 @@ fn a_foot_that_lands_after_its_leg_came_to_rest_still_counts_as_one_step() {
 }
 
 #[test]
+fn a_push_that_the_feet_hold_starts_nothing() {
+    let mut rig = Rig::new(1_000);
+    rig.motion = HELD();
+    assert!(rig.run(|_| false).is_empty());
+}
+
+#[test]
+fn a_push_starts_a_step_while_it_still_acts() {
+    for dt in RATES {
+        let mut rig = Rig::new(dt);
+        // Nothing leans yet and the rate alone is too low, but it rises.
+        let pushed = Motion { rate: [Q16::lit(0.35), Q16::ZERO], slow_rate: [Q16::lit(0.2), Q16::ZERO], ..HELD() };
+        rig.motion = Motion { slow_rate: pushed.rate, ..pushed };
+        assert!(rig.tick().events.is_empty());
+        rig.motion = pushed;
+        assert_eq!(rig.tick().events.as_slice(), [GaitEvent::CycleStart]);
+    }
+}
+
+#[test]
+fn a_foot_that_alone_carries_is_lifted_only_by_a_robot_that_falls() {
+    for (after_the_kick, then) in [(motion(1.0, [0.0, 0.3]), Phase::Retract), (HELD(), Phase::Idle)] {
+        let mut rig = Rig::new(1_000);
+        rig.motion = PUSHED();
+        rig.tick();
+        rig.load[rig.knee.swing().other() as usize] = AIR;
+        rig.motion = after_the_kick;
+        let events = rig.run(|r| r.knee.phase() != Phase::Kick);
+        assert_eq!(rig.knee.phase(), then);
+        assert_eq!(names(&events).contains(&GaitEvent::CycleEnd), then == Phase::Idle);
+    }
+}
+
+#[test]
+fn a_chained_step_goes_to_the_side_of_the_fall_or_answers_a_sagittal_one() {
+    for (lean, starts) in [([0.0, 0.15], true), ([0.0, -0.15], false), ([0.15, -0.05], true), ([-0.15, -0.05], true)] {
+        let mut rig = Rig::new(1_000);
+        rig.load = [AIR, LOADED];
+        rig.motion = motion(1.0, lean);
+        assert_eq!(!rig.tick().events.is_empty(), starts, "{lean:?}");
+    }
+}
+
+/// A rig whose swing foot has left the ground and is on its way down.
+fn extending(dt_us: u32) -> (Rig, usize) {
+    let mut rig = Rig::new(dt_us);
+    rig.motion = PUSHED();
+    rig.run(|r| r.knee.phase() == Phase::Retract);
+    let leg = rig.knee.swing() as usize;
+    rig.load[leg] = AIR;
+    rig.run(|r| r.knee.phase() == Phase::Extend);
+    (rig, leg)
+}
+
+#[test]
+fn a_falling_robot_reaches_for_the_ground_beyond_rest() {
+    for dt in RATES {
+        let (mut rig, leg) = extending(dt);
+        let events = rig.run(|r| r.knee.phase() == Phase::Idle);
+        let reach = f64::from(KNEE.reach.to_f32());
+        assert!((rig.position[leg] - reach).abs() < 0.01, "{} at {dt} µs", rig.position[leg]);
+        assert_eq!(names(&events), [GaitEvent::CycleEnd]);
+    }
+}
+
+#[test]
+fn a_leg_longer_than_at_rest_stops_as_soon_as_the_ground_is_found() {
+    let (mut rig, leg) = extending(1_000);
+    rig.run(|r| r.position[leg] > 0.01);
+    rig.load[leg] = LOADED;
+    rig.motion = HELD();
+    assert_eq!(rig.tick().drive, [Drive::Brake; 2]);
+    assert_eq!(rig.knee.phase(), Phase::Idle);
+}
+
+/// Cycles that begin from now on, and with which leg, while the robot stands quietly for `seconds`.
+fn begun(rig: &mut Rig, seconds: u32) -> Vec<(GaitEvent, Side)> {
+    rig.motion = QUIET();
+    let mut begun = vec![];
+    for _ in 0..seconds * 1_000_000 / rig.dt_us {
+        let leg = rig.knee.swing() as usize;
+        rig.load = [LOADED; 2];
+        rig.load[leg] = if rig.position[leg] < -0.01 { AIR } else { LOADED };
+        let events = rig.tick().events;
+        let starts = events.iter().filter(|event| matches!(event, GaitEvent::CycleStart | GaitEvent::Recovery));
+        begun.extend(starts.map(|event| (*event, rig.knee.swing())));
+    }
+    begun
+}
+
+#[test]
+fn a_calm_robot_brings_each_leg_that_stepped_back_to_rest_once() {
+    for dt in RATES {
+        let mut rig = Rig::new(dt);
+        assert_eq!(begun(&mut rig, 3), []);
+        rig.motion = PUSHED();
+        rig.run(|r| r.knee.phase() == Phase::Retract);
+        assert_eq!(begun(&mut rig, 5), [(GaitEvent::Recovery, Side::Left)], "at {dt} µs");
+        for side in [Side::Left, Side::Right] {
+            rig.motion = PUSHED();
+            rig.run(|r| r.knee.phase() == Phase::Retract && r.knee.swing() == side);
+        }
+        rig.run(|r| r.knee.phase() == Phase::Idle);
+        let steps = rig.knee.steps();
+        let mut recovered = begun(&mut rig, 8);
+        assert_eq!(rig.knee.steps(), steps, "a recovery is no step");
+        recovered.sort_by_key(|(_, side)| *side as usize);
+        assert_eq!(recovered, [(GaitEvent::Recovery, Side::Left), (GaitEvent::Recovery, Side::Right)], "at {dt} µs");
+        assert!(rig.position.iter().all(|position| position.abs() < 0.01), "{:?} at {dt} µs", rig.position);
+    }
+}
+
+#[test]
+fn recovery_waits_until_the_robot_has_been_calm_long_enough() {
+    let mut rig = Rig::new(1_000);
+    rig.motion = PUSHED();
+    rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = QUIET();
+    rig.run(|r| r.knee.phase() == Phase::Idle);
+    for _ in 0..5 {
+        for _ in 0..KNEE.calm_us / 1_000 - 10 {
+            assert!(rig.tick().events.is_empty());
+        }
+        rig.motion = motion(f64::from(KNEE.calm.to_f32()) * 1.5, [0.0; 2]);
+        assert!(rig.tick().events.is_empty());
+        rig.motion = QUIET();
+    }
+    assert_eq!(begun(&mut rig, 2), [(GaitEvent::Recovery, Side::Left)]);
+}
+
+#[test]
 fn a_bouncing_foot_counts_one_step_per_cycle() {
     let mut rig = Rig::new(1_000);
-    rig.motion = motion(1.0, [0.0, 0.0]);
+    rig.motion = PUSHED();
     rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = HELD();
     let leg = rig.knee.swing() as usize;
     rig.load[leg] = AIR;
     rig.run(|r| r.knee.phase() == Phase::Extend);

@@ -52,6 +52,20 @@ fn lift_off_moves_only_the_swing_leg_towards_the_target() {
 }
 
 #[test]
+fn a_recovery_brings_the_leg_back_to_rest_whatever_the_fall() {
+    for rules in [HIP, ABDUCTOR] {
+        let sway = Sway::of(&rules, &falling(1.0, 1.0));
+        let mut swing = Swing::new(rules);
+        swing.on_gait(GaitEvent::Recovery, Side::Left, &sway, &params());
+        assert_eq!(swing.tick(1_000, [Q16::lit(0.2); 2], &params()).0, [Drive::Brake; 2]);
+        swing.on_gait(GaitEvent::LiftOff, Side::Left, &sway, &params());
+        assert_eq!(swing.target(), Some(Q16::ZERO));
+        let (drive, _) = swing.tick(1_000, [Q16::lit(0.2); 2], &params());
+        assert_eq!(drive, [Drive::Velocity(-params().speed), Drive::Brake]);
+    }
+}
+
+#[test]
 fn the_target_is_the_quadratic_of_the_fall() {
     let x = 1.5f32;
     let expected = 0.1 * x * x + 0.2 * x + HIP.constant.to_f32();

@@ -16,7 +16,7 @@
 //!
 //! A set becomes active everywhere in one cycle or nowhere: `Stage` puts it into every node, `Activate` is sent only
 //! after all three answered `Staged`, and the knee, which owns the cycle counter, names the generation in force in every
-//! `Gait` frame. A node swaps when a boundary (`CycleStart` or `Boundary`) names a generation it has staged.
+//! `Gait` frame. A node swaps when a boundary (`CycleStart`, `Recovery` or `Boundary`) names a generation it has staged.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -101,6 +101,8 @@ pub enum GaitEvent {
     Boundary,
     /// Nothing changed: repeated while idle so that a node that missed a frame catches up.
     Beat,
+    /// A cycle begins that brings the swing leg back to rest: its hip and abductor go to zero.
+    Recovery,
 }
 
 /// The knee's flags.

@@ -14,6 +14,8 @@ pub struct Telemetry {
     pub accel: [i16; 3],
     /// Raw gyro; 16.4 counts per degree per second.
     pub gyro: [i16; 3],
+    /// Its bias as far as it is known, counts; the coordinator has taken it off before it used the gyro.
+    pub gyro_bias: [i16; 3],
     /// Pad loads in 0.1 N: left heel, left toe, right heel, right toe.
     pub loads: [u16; 4],
     /// Joint positions: left abductor, hip (rad), knee (m), then right.

@@ -137,6 +137,7 @@ fn the_longest_telemetry_fits() {
         time_us: u32::MAX,
         accel: [i16::MIN; 3],
         gyro: [i16::MIN; 3],
+        gyro_bias: [i16::MIN; 3],
         loads: [u16::MAX; 4],
         joints: [q; 6],
         lean: [q; 2],

@@ -3,13 +3,17 @@
 use sarah_protocol::bus::{Mode, Motion};
 use sarah_protocol::fixed::Q16;
 
-use super::{FAST_FOR_US, GATE, ImuSample, MAX_STEP_US, square};
+use super::{
+    BIAS_MAX, FAST_FOR_US, GATE, ImuSample, LEARN_AFTER_US, MAX_STEP_US, REST_GATE, REST_GYRO, REST_US, square,
+};
 
 const ONE: i64 = 1 << 30;
 const ANGLE: i64 = super::ANGLE as i64;
 const RATE: i64 = super::RATE as i64;
 const ACCELERATION: u64 = super::ACCELERATION as u64;
-const SLOW_US: i64 = 500_000;
+const MOVING_US: i64 = 3_000_000;
+const RESTING_US: i64 = 300_000;
+const LEARNING_US: i64 = 500_000;
 const FAST_US: i64 = 50_000;
 const RATE_US: i64 = 21_200;
 
@@ -18,8 +22,12 @@ const RATE_US: i64 = 21_200;
 pub struct Plain {
     /// World up in body axes, Q30.
     up: [i64; 3],
-    /// The gyro sample before, counts.
+    /// The gyro sample before, without its bias, counts.
     gyro: [i16; 3],
+    /// Of the gyro, counts · 2¹⁶.
+    bias: [i64; 3],
+    /// Time at rest, µs.
+    rest_us: u64,
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
     slow: [i64; 2],
     /// Time since the first sample, µs; stops at [`FAST_FOR_US`].
@@ -30,28 +38,48 @@ pub struct Plain {
 impl Plain {
     /// Upright until the first samples say otherwise.
     pub const fn new() -> Self {
-        Plain { up: [0, 0, ONE], gyro: [0; 3], slow: [0; 2], age_us: 0, started: false }
+        Plain { up: [0, 0, ONE], gyro: [0; 3], bias: [0; 3], rest_us: 0, slow: [0; 2], age_us: 0, started: false }
     }
 
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
         // The first sample has no interval behind it: it can only tell where gravity is.
+        if self.rest_us >= u64::from(LEARN_AFTER_US) {
+            let gain = i64::from(dt_us) * ONE / LEARNING_US;
+            for (bias, gyro) in self.bias.iter_mut().zip(sample.gyro) {
+                *bias += (((i64::from(gyro) << 16) - *bias) * gain) >> 30;
+                *bias = (*bias).clamp(-BIAS_MAX, BIAS_MAX);
+            }
+        }
+        let mut gyro = sample.gyro;
+        for (axis, bias) in gyro.iter_mut().zip(self.bias) {
+            let unbiased = i64::from(*axis) - ((bias + (1 << 15)) >> 16);
+            *axis = unbiased.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        }
         if self.started {
-            self.rotate(dt_us, self.gyro, sample.gyro);
+            self.rotate(dt_us, self.gyro, gyro);
         }
         self.started = true;
-        self.gyro = sample.gyro;
+        self.gyro = gyro;
 
         let squared = square(sample.accel);
+        let rests = square(gyro) < REST_GYRO && REST_GATE.contains(&squared);
+        self.rest_us = if rests { self.rest_us + u64::from(dt_us) } else { 0 };
         if GATE.contains(&squared) {
-            let tau = if self.age_us >= FAST_FOR_US { SLOW_US } else { FAST_US };
+            let tau = if self.age_us < FAST_FOR_US {
+                FAST_US
+            } else if self.rest_us >= u64::from(REST_US) {
+                RESTING_US
+            } else {
+                MOVING_US
+            };
             self.correct(i64::from(dt_us) * ONE / tau, sample.accel);
         }
         self.normalise();
         self.age_us = (self.age_us + dt_us).min(FAST_FOR_US);
 
-        let [wx, wy, _] = sample.gyro;
+        let [wx, wy, _] = gyro;
         let rate = [rate(wy), -rate(wx)];
         let gain = low_pass_gain(dt_us);
         for (slow, rate) in self.slow.iter_mut().zip(rate) {
@@ -62,7 +90,7 @@ impl Plain {
             sequence: 0,
             mode: Mode::Braked,
             acceleration: Q16((((u64::from(squared) << 16).isqrt() * ACCELERATION + (1 << 15)) >> 16) as i32),
-            rotation: Q16((((u64::from(square(sample.gyro)) << 16).isqrt() as i64 * RATE + (1 << 23)) >> 24) as i32),
+            rotation: Q16((((u64::from(square(gyro)) << 16).isqrt() as i64 * RATE + (1 << 23)) >> 24) as i32),
             rate,
             slow_rate: self.slow.map(|slow| Q16(((slow + (1 << 15)) >> 16) as i32)),
             lean: [arc_sine(-x), arc_sine(-y)],

@@ -168,6 +168,51 @@ fn the_gate_closes_outside_two_metres_per_second_squared() {
     assert_ne!(filter.up(), before);
 }
 
+/// A robot that turns steadily by its gyro's bias, as far as the gyro can tell, and stands still.
+fn biased(bias_counts: i16) -> ImuSample {
+    ImuSample { accel: [0, 0, 2048], gyro: [bias_counts, -bias_counts, bias_counts] }
+}
+
+#[test]
+fn a_bias_is_learned_at_rest_and_neither_rate_nor_lean_shows_it() {
+    for (counts, period_us) in [(10, 1_000), (-10, 1_000), (40, 10_000)] {
+        let mut filter = Attitude::new();
+        let mut motion = Motion::default();
+        for _ in 0..3_000_000 / period_us {
+            motion = filter.update(period_us, &biased(counts));
+        }
+        assert!(motion.rotation <= Q16::lit(0.002), "{counts}: {:?}", motion.rotation);
+        // A second in which nothing tells gravity from a push: what is left of the bias is all that turns up.
+        for _ in 0..1_000_000 / period_us {
+            motion = filter.update(period_us, &ImuSample { accel: [0; 3], ..biased(counts) });
+        }
+        for lean in motion.lean {
+            assert!(lean.abs() < Q16::lit(0.002), "{counts}: {:?}", motion.lean);
+        }
+    }
+}
+
+#[test]
+fn a_turn_faster_than_rest_is_no_bias() {
+    let mut filter = Attitude::new();
+    for _ in 0..3000 {
+        filter.update(1_000, &biased(80));
+    }
+    assert!(filter.update(1_000, &biased(80)).rotation > Q16::lit(0.12));
+}
+
+#[test]
+fn a_push_of_half_a_second_is_hardly_taken_for_a_lean() {
+    let mut filter = Attitude::new();
+    for _ in 0..1000 {
+        filter.update(1_000, &biased(0));
+    }
+    // 1.5 m/s² forward for 0.5 s while the trunk turns too fast to be at rest, about the vertical.
+    let pushed = ImuSample { accel: [313, 0, 2048], gyro: [0, 0, 200] };
+    let motion = (0..500).map(|_| filter.update(1_000, &pushed)).last().expect("samples");
+    assert!(motion.lean[0].abs() < Q16::lit(0.03), "{:?}", motion.lean);
+}
+
 #[test]
 fn the_low_pass_gain_matches_the_exponential() {
     for dt_us in [0u32, 100, 1_000, 5_000, 10_000, MAX_STEP_US] {

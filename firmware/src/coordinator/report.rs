@@ -66,6 +66,7 @@ impl Coordinator {
             time_us: self.now_us,
             accel: self.sample.accel,
             gyro: self.sample.gyro,
+            gyro_bias: self.attitude.bias(),
             loads: knee.map_or([0; 4], |status| status.loads),
             joints: [l_abd, l_hip, l_knee, r_abd, r_hip, r_knee],
             lean: self.lean,

@@ -17,25 +17,33 @@ pub struct Fall {
     pub factor: Q16,
     /// Step (eq. 2) within the limits, m: the height of a cycle that starts now. 0 if none may.
     pub step: Q16,
-    /// Factor is above the threshold.
+    /// Factor is above the threshold and the feet will not hold the robot: [`KneeRules::start_xi`].
     pub starts: bool,
     /// The fall goes to the left.
     pub left: bool,
-    /// ξ is above [`KneeRules::chain_xi`].
+    /// |ξ| is above [`KneeRules::chain_xi`].
     pub chains: bool,
-    /// ξ is above [`KneeRules::brake_xi`].
-    pub brakes: bool,
+    /// Sagittal ξ is above [`KneeRules::chain_sagittal_xi`].
+    pub sagittal: bool,
+    /// A foot that alone carries the robot may be lifted: [`KneeRules::lift_xi`].
+    pub lifts: bool,
+    /// |ξ| is above [`KneeRules::fall_xi`].
+    pub falls: bool,
+    /// The trunk turns slower than [`KneeRules::calm`].
+    pub calm: bool,
 }
 
 impl Fall {
     /// From a motion message.
     pub fn of<D: Divider>(divider: &D, rules: &KneeRules, motion: &Motion) -> Fall {
-        let ([rate_x, rate_y], [lean_x, lean_y]) = (motion.rate, motion.lean);
-        // ξ along each axis: where the fall is heading, rad/s.
-        let x = rate_x + rules.pendulum.times(lean_x);
-        let y = rate_y + rules.pendulum.times(lean_y);
+        let ([rate_x, rate_y], [slow_x, slow_y], [lean_x, lean_y]) = (motion.rate, motion.slow_rate, motion.lean);
+        // ξ along each axis: where the fall is heading; and where it will be when what acts now has acted.
+        let (x, y) = (rate_x + rules.pendulum.times(lean_x), rate_y + rules.pendulum.times(lean_y));
+        let (x_ahead, y_ahead) = (x + rules.ahead.times(rate_x - slow_x), y + rules.ahead.times(rate_y - slow_y));
+        let beyond = |[sagittal, lateral]: [Q16; 2]| x_ahead.abs() > sagittal || y_ahead.abs() > lateral;
         let factor = factor::factor(divider, motion.acceleration, motion.rotation);
-        let (starts, chains) = (factor > FACTOR_THRESHOLD_Q30, longer(x, y, rules.chain_xi));
+        let starts = factor > FACTOR_THRESHOLD_Q30 && beyond(rules.start_xi);
+        let chains = longer(x, y, rules.chain_xi);
         let mut step = Q16::ZERO;
         if starts || chains {
             let (shortest, longest) = rules.step;
@@ -47,7 +55,10 @@ impl Fall {
             starts,
             left: y > Q16::ZERO,
             chains,
-            brakes: longer(x, y, rules.brake_xi),
+            sagittal: x.abs() > rules.chain_sagittal_xi,
+            lifts: beyond(rules.lift_xi),
+            falls: longer(x, y, rules.fall_xi),
+            calm: motion.rotation < rules.calm,
         }
     }
 }

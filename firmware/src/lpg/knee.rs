@@ -3,13 +3,14 @@
 //! ```text
 //!          both feet loaded, Factor > 0.07, rested          kick height or time
 //!   Idle ──────────────────────────────────────────▶ Kick ─────────────────────▶ Retract
-//!    ▲  one foot loaded, ξ high, rested longer               (CycleStart)           │ −Step
-//!    │                                                                              ▼
+//!    ▲  one foot loaded, ξ high, rested longer    (CycleStart or Recovery)          │ −Step
+//!    │  calm, a leg away from rest                                                  ▼
 //!    └────────────── at rest height, or loaded again and still falling ───────── Extend
 //!      (CycleEnd)                        (LiftOff when the foot unloads, Touchdown when it loads)
 //! ```
 //!
-//! Every state has a time-out; at most one step is counted per cycle.
+//! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them; once the robot is
+//! calm each of them makes a small recovery cycle, which brings it back to rest and is no step.
 
 use heapless::Vec;
 use sarah_protocol::bus::{GaitEvent, Side};
@@ -99,6 +100,10 @@ pub struct Knee {
     stepped_before: bool,
     steps: u32,
     cycle: u32,
+    /// Legs that stepped and have not recovered since.
+    displaced: [bool; 2],
+    /// For so long the robot has been calm; saturates.
+    calm_us: u32,
 }
 
 impl Knee {
@@ -117,6 +122,8 @@ impl Knee {
             stepped_before: false,
             steps: 0,
             cycle: 0,
+            displaced: [false; 2],
+            calm_us: 0,
         }
     }
 
@@ -158,16 +165,18 @@ impl Knee {
         let loaded = [left > self.rules.loaded_n, right > self.rules.loaded_n];
 
         if self.phase == Phase::Idle {
-            let start = if inputs.may_start { self.start(loaded, inputs.fall) } else { None };
-            let Some(swing) = start else {
+            let calm = inputs.may_start && loaded == [true; 2] && inputs.fall.calm;
+            self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
+            let start = if inputs.may_start { self.start(loaded, inputs) } else { None };
+            let Some((swing, kind)) = start else {
                 // A foot that was still in the air when its leg came to rest lands now.
                 if self.airborne && loaded[self.swing as usize] {
                     self.flags(true, true, &mut out);
                 }
                 return out;
             };
-            self.begin(swing, inputs.fall.step);
-            raise(&mut out, GaitEvent::CycleStart);
+            self.begin(swing, kind == GaitEvent::Recovery, inputs.fall);
+            raise(&mut out, kind);
         }
         let leg = self.swing as usize;
         out.drive[leg] = self.stroke(loaded[leg], inputs.position[leg], inputs, params, &mut out);
@@ -175,14 +184,17 @@ impl Knee {
     }
 
     /// A cycle begins.
-    fn begin(&mut self, swing: Side, step: Q16) {
+    fn begin(&mut self, swing: Side, recovers: bool, fall: &Fall) {
         self.swing = swing;
-        self.step = step;
-        self.kick_height = self.rules.kick_fraction.times(step);
+        self.step = if recovers { self.rules.recovery_step } else { fall.step };
+        self.kick_height = self.rules.kick_fraction.times(self.step);
+        self.displaced[swing as usize] = !recovers;
         self.lifted = false;
         self.airborne = false;
-        self.counted = false;
+        // A recovery tidies up; it is no step.
+        self.counted = recovers;
         self.stepped_before = true;
+        self.calm_us = 0;
         self.cycle = self.cycle.wrapping_add(1);
         self.enter(Phase::Kick);
     }
@@ -201,6 +213,11 @@ impl Knee {
             if position < self.kick_height && !self.passed(self.rules.kick_us, inputs.dt_us) {
                 return Drive::Velocity(params.kick);
             }
+            let [left, right] = inputs.load;
+            let other = if self.swing == Side::Left { right } else { left };
+            if grounded && other <= self.rules.loaded_n && !inputs.fall.lifts {
+                return self.end(out);
+            }
             self.enter(Phase::Retract);
         }
         if self.phase == Phase::Retract {
@@ -216,30 +233,51 @@ impl Knee {
         let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
         let late = self.passed(self.rules.stroke_us, inputs.dt_us);
         self.flags(grounded, true, out);
-        let falling = landed && inputs.fall.brakes;
-        if !late && !falling && !within(-(position + self.rules.lead_margin), speed, self.rules.lead_us) {
-            return Drive::Velocity(speed);
+        let goal = if self.reaches(grounded, inputs.fall) { self.rules.reach } else { Q16::ZERO };
+        let near = within(goal - position - self.rules.lead_margin, speed, self.rules.lead_us);
+        if late || near || landed && inputs.fall.falls {
+            out.timed_out |= late;
+            return self.end(out);
         }
-        out.timed_out |= late;
+        Drive::Velocity(speed)
+    }
+
+    /// The cycle is over.
+    fn end(&mut self, out: &mut KneeOutputs) -> Drive {
         self.enter(Phase::Idle);
         raise(out, GaitEvent::CycleEnd);
         Drive::Brake
     }
 
-    /// The leg to swing if a cycle starts now.
-    fn start(&self, loaded: [bool; 2], fall: &Fall) -> Option<Side> {
-        let rules = &self.rules;
+    /// Whether the leg may grow longer than at rest to find the ground.
+    fn reaches(&self, grounded: bool, fall: &Fall) -> bool {
+        self.lifted && !grounded && fall.falls && self.displaced[self.swing as usize]
+    }
+
+    /// The leg to swing if a cycle starts now, and what for.
+    fn start(&self, loaded: [bool; 2], inputs: &KneeInputs) -> Option<(Side, GaitEvent)> {
+        let (rules, fall) = (&self.rules, inputs.fall);
         match loaded {
             [true, true] if fall.starts && self.phase_us >= rules.dwell_us => {
                 let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
-                Some(match (fresh, fall.left) {
+                let swing = match (fresh, fall.left) {
                     (false, _) => self.swing.other(),
                     (true, true) => Side::Left,
                     (true, false) => Side::Right,
-                })
+                };
+                Some((swing, GaitEvent::CycleStart))
+            }
+            [true, true] if self.calm_us >= rules.calm_us => {
+                // The shorter leg first: it is the one that tilts the trunk.
+                let [left, right] = inputs.position;
+                let shorter = if left < right { Side::Left } else { Side::Right };
+                let due = [shorter, shorter.other()].into_iter().find(|side| self.displaced[*side as usize]);
+                due.map(|side| (side, GaitEvent::Recovery))
             }
             [left, right] if left != right && fall.chains && self.phase_us >= rules.chain_dwell_us => {
-                Some(if left { Side::Right } else { Side::Left })
+                let towards = fall.left != left;
+                let swing = if left { Side::Right } else { Side::Left };
+                (towards || fall.sagittal).then_some((swing, GaitEvent::CycleStart))
             }
             _ => None,
         }

@@ -47,7 +47,7 @@ pub(crate) const fn product(a: u32, b: u32) -> (u32, u32) {
 
 /// See [`longer`].
 const LONGEST: Q16 = Q16::lit(0.5);
-const _: () = assert!(rules::KNEE.chain_xi.0 < LONGEST.0 && rules::KNEE.brake_xi.0 < LONGEST.0);
+const _: () = assert!(rules::KNEE.chain_xi.0 < LONGEST.0 && rules::KNEE.fall_xi.0 < LONGEST.0);
 
 #[cfg(test)]
 mod tests {

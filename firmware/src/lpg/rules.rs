@@ -5,19 +5,27 @@
 
 use sarah_protocol::fixed::Q16;
 
-/// Times are in microseconds, lengths in metres, angles in radians.
+/// Times are in microseconds, lengths in metres, angles in radians. ξ = rate + ω·lean, rad/s, tells along each axis
+/// \[sagittal, lateral\] where a fall is heading: it is the capture point's distance from the feet times ω over height.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct KneeRules {
     /// A foot is loaded above this contact force, N.
     pub loaded_n: Q16,
-    /// Rest between cycles before an ordinary start.
-    pub dwell_us: u32,
-    /// Rest before a chained start from one foot: the other needs time to land.
-    pub chain_dwell_us: u32,
-    /// A chained start needs ξ = |rate + ω·lean| above this, rad/s.
-    pub chain_xi: Q16,
     /// ω of ξ: natural frequency of the standing robot as a pendulum, 1/s.
     pub pendulum: Q16,
+    /// Weight of (rate − slow rate) in ξ ahead. The slow rate lags by its time constant τ, so this looks this many τ ahead:
+    /// a push shows while it acts.
+    pub ahead: Q16,
+    /// Rest between cycles before an ordinary start.
+    pub dwell_us: u32,
+    /// An ordinary start needs ξ ahead beyond one of these: short of them the feet hold the robot.
+    pub start_xi: [Q16; 2],
+    /// Rest before a chained start from one foot: the other needs time to land.
+    pub chain_dwell_us: u32,
+    /// A chained start needs |ξ| above this …
+    pub chain_xi: Q16,
+    /// … and, if the foot in the air is not on the side of the fall, sagittal ξ above this.
+    pub chain_sagittal_xi: Q16,
     /// After this much rest the side of the fall chooses the leg; before, legs alternate.
     pub fresh_us: u32,
     /// Step height limits.
@@ -26,34 +34,52 @@ pub struct KneeRules {
     pub kick_fraction: Q16,
     /// The kick is cut off after this.
     pub kick_us: u32,
+    /// A foot that alone carries the robot after the kick is lifted only with ξ ahead beyond one of these.
+    pub lift_xi: [Q16; 2],
     /// Retraction and extension are cut off after this.
     pub stroke_us: u32,
-    /// At touchdown the leg brakes at once above this ξ, rad/s.
-    pub brake_xi: Q16,
-    /// Below it, it finishes the extension at this speed, m/s.
+    /// While |ξ| is above this the robot falls.
+    pub fall_xi: Q16,
+    /// A falling robot reaches for the ground this far beyond rest; a leg that lands while falling brakes at once.
+    pub reach: Q16,
+    /// Otherwise it finishes the extension to rest at this speed, m/s.
     pub touchdown_speed: Q16,
-    /// The brake is applied this long before the rest position would be reached, plus the margin.
+    /// The brake is applied this long before the goal of the extension would be reached, plus the margin.
     pub lead_us: u32,
     /// See `lead_us`.
     pub lead_margin: Q16,
+    /// On both feet and turning slower than this the robot is calm, rad/s.
+    pub calm: Q16,
+    /// Calm for so long, it brings legs that have stepped back to rest, one after the other.
+    pub calm_us: u32,
+    /// Step height of such a recovery cycle.
+    pub recovery_step: Q16,
 }
 
 /// Rules of the linear actuators.
 pub const KNEE: KneeRules = KneeRules {
     loaded_n: Q16::lit(15.0),
-    dwell_us: 38_700,
-    chain_dwell_us: 120_500,
-    chain_xi: Q16::lit(0.427),
     pendulum: Q16::lit(3.76),
-    fresh_us: 400_000,
-    step: (Q16::lit(0.0392), Q16::lit(0.0698)),
-    kick_fraction: Q16::lit(0.2708),
-    kick_us: 72_000,
+    ahead: Q16::lit(1.7765),
+    dwell_us: 73_800,
+    start_xi: [Q16::lit(0.5773), Q16::lit(0.25)],
+    chain_dwell_us: 160_300,
+    chain_xi: Q16::lit(0.3992),
+    chain_sagittal_xi: Q16::lit(0.3038),
+    fresh_us: 400_600,
+    step: (Q16::lit(0.0411), Q16::lit(0.0641)),
+    kick_fraction: Q16::lit(0.1323),
+    kick_us: 66_600,
+    lift_xi: [Q16::lit(0.3879), Q16::lit(0.644)],
     stroke_us: 500_000,
-    brake_xi: Q16::lit(0.4),
-    touchdown_speed: Q16::lit(0.2674),
+    fall_xi: Q16::lit(0.2701),
+    reach: Q16::lit(0.0451),
+    touchdown_speed: Q16::lit(0.3121),
     lead_us: 5_000,
     lead_margin: Q16::lit(0.001),
+    calm: Q16::lit(0.05),
+    calm_us: 800_000,
+    recovery_step: Q16::lit(0.0213),
 };
 
 /// Rules of one swing generator.
@@ -76,8 +102,8 @@ pub struct SwingRules {
 /// LPG2.
 pub const HIP: SwingRules = SwingRules {
     axis: 0,
-    constant: Q16::lit(0.0298),
-    reach: Q16::lit(0.6),
+    constant: Q16::lit(0.025),
+    reach: Q16::lit(0.582),
     outward_only: false,
     opposite: Q16::ZERO,
     move_us: 500_000,
@@ -86,9 +112,9 @@ pub const HIP: SwingRules = SwingRules {
 /// LPG3.
 pub const ABDUCTOR: SwingRules = SwingRules {
     axis: 1,
-    constant: Q16::lit(0.0241),
-    reach: Q16::lit(0.5),
+    constant: Q16::lit(0.0245),
+    reach: Q16::lit(0.4383),
     outward_only: true,
-    opposite: Q16::lit(0.1698),
+    opposite: Q16::lit(0.1652),
     move_us: 500_000,
 };

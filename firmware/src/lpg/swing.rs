@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The leg moves there at constant speed (H5, V5) while its foot is in the air, and brakes on target, at touchdown or at
-//! the end of the cycle. It is not guaranteed to return to rest.
+//! the end of the cycle. In a recovery cycle the target is zero.
 
 use sarah_protocol::bus::{GaitEvent, Motion, Side};
 use sarah_protocol::fixed::Q16;
@@ -87,6 +87,7 @@ pub struct Swing {
     rules: SwingRules,
     phase: Phase,
     leg: Side,
+    /// Decided at lift-off, or known when a recovery begins.
     target: Option<Q16>,
     arrived: bool,
     moving_us: u32,
@@ -116,9 +117,9 @@ impl Swing {
     /// A flag of LPG1.
     pub fn on_gait(&mut self, event: GaitEvent, swing: Side, sway: &Sway, params: &SwingParams) {
         match (event, self.phase) {
-            (GaitEvent::CycleStart, _) => {
+            (GaitEvent::CycleStart | GaitEvent::Recovery, _) => {
                 self.leg = swing;
-                self.target = None;
+                self.target = (event == GaitEvent::Recovery).then_some(Q16::ZERO);
                 self.arrived = false;
                 self.moving_us = 0;
                 self.phase = Phase::Ready;

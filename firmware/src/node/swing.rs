@@ -87,7 +87,7 @@ impl SwingNode {
 
     fn on_gait(&mut self, gait: &Gait) {
         self.cycle = gait.cycle;
-        if matches!(gait.event, GaitEvent::CycleStart | GaitEvent::Boundary | GaitEvent::Beat) {
+        if matches!(gait.event, GaitEvent::CycleStart | GaitEvent::Recovery | GaitEvent::Boundary | GaitEvent::Beat) {
             self.missing = !self.link.swap_to(gait.generation);
         }
         // Legs that follow different generations would be a mixture nobody tested: stay braked for this cycle.

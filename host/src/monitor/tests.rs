@@ -186,12 +186,13 @@ fn steps_and_the_swing_leg_are_shown_while_it_steps() {
 fn sets_that_differ_are_marked() {
     let mut dashboard = watching(Role::Writer, quiet());
     let other = Some(*ParamSet::table_ii().values());
+    let p1 = default_params().values()[0];
     tell(&mut dashboard, NOW, News::Params(ParamsReport { which: Which::Stored, generation: 0, params: other }));
     tell(&mut dashboard, NOW, News::Params(ParamsReport { which: Which::Staged, generation: 9, params: other }));
     shows(&screen(&dashboard, NOW, 80, 24), &["staged generation 9", "≠", "differs in 13 of 13"]);
     shows(
         &screen(&dashboard, NOW, 130, 40),
-        &["applied staged stored", "0.0213 0.5430 0.5430", "stored differs in 13 of 13"],
+        &["applied staged stored", &format!("{p1:.4} 0.5430 0.5430"), "stored differs in 13 of 13"],
     );
 }
 
@@ -304,6 +305,7 @@ fn any_telemetry() -> impl Strategy<Value = Telemetry> {
             time_us,
             accel: [i16::MIN; 3],
             gyro: [i16::MAX; 3],
+            gyro_bias: [i16::MIN; 3],
             loads,
             joints: joints.map(Q16),
             lean: lean.map(Q16),

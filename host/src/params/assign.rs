@@ -151,7 +151,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("my.toml");
         let text = param_set_text(&default_params(), None);
-        let text = format!("# mine\n{}", text.replace("P1 = 0.0213 #", "P1 = 0.0213 # careful:"));
+        let text = format!("# mine\n{}", text.replacen(" # m/s, kick", " # careful: m/s, kick", 1));
         write_atomic(&path, text.as_bytes()).unwrap();
         for value in ["P1=0.5", "P1=0.25"] {
             let set = assign(&load_param_set(&path).unwrap().0, &[value.parse().unwrap()]).unwrap();

@@ -124,7 +124,7 @@ fn a_changed_parameter_is_found_where_it_first_acts() {
     });
     let Entry::Born(born) = &mut tape[0] else { panic!("begins with a power-up") };
     // P1, the speed of the kick, with which a cycle begins.
-    born.default[0] = SPECS[0].min + 0.5 * (born.default[0] - SPECS[0].min);
+    born.default[0] = 0.5 * (SPECS[0].min + SPECS[0].max);
     let found = replay_tape(tape).expect_err("another speed");
     assert_eq!((found.node, Some(found.at_us)), (tape::node(1), first_move), "{found}");
     assert!(found.to_string().starts_with("Knee, tick "), "{found}");

@@ -38,6 +38,7 @@ pub fn telemetry() -> Telemetry {
         time_us: 0x8000_0001,
         accel: [-1, 2, 2048],
         gyro: [i16::MIN, 0, i16::MAX],
+        gyro_bias: [10, 0, -94],
         loads: [1, 200, 30_000, u16::MAX],
         joints: [Q16(1), Q16(-1), Q16(100), Q16(-100), Q16(i32::MAX), Q16(i32::MIN)],
         lean: [Q16::lit(0.1), Q16::lit(-0.2)],
@@ -154,6 +155,7 @@ pub fn bus_messages() -> Vec<(&'static str, Message)> {
         ("cycle end", gait(GaitEvent::CycleEnd, Side::Left)),
         ("boundary", gait(GaitEvent::Boundary, Side::Left)),
         ("beat", gait(GaitEvent::Beat, Side::Left)),
+        ("recovery", gait(GaitEvent::Recovery, Side::Right)),
         (
             "motion",
             Message::Motion(Motion {

@@ -23,7 +23,7 @@ fn generations(passed: &[Passed]) -> Vec<u32> {
             named.push(gait.generation);
         }
         in_cycle = match gait.event {
-            GaitEvent::CycleStart => true,
+            GaitEvent::CycleStart | GaitEvent::Recovery => true,
             GaitEvent::CycleEnd => false,
             _ => in_cycle,
         };

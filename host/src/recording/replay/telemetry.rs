@@ -110,6 +110,7 @@ impl Run {
             *self = Run { filter: standing_at(frame), began_us: now_us, ..Run::new() };
         }
         self.before = Some(now_us);
+        self.filter.assume_bias(frame.gyro_bias);
         let motion = self.filter.update(dt_us.filter(|_| !gap).unwrap_or(0), &sample);
         self.factors.retain(|(at_us, _)| now_us.wrapping_sub(*at_us) <= FACTOR_AGE_US);
         self.factors.push((now_us, q30_to_q16(factor(&PlainDivider, motion.acceleration, motion.rotation))));
@@ -149,6 +150,7 @@ fn standing_at(frame: &Telemetry) -> Attitude {
         filter.update(MAX_STEP_US, &ImuSample { accel, gyro: [0; 3] });
     }
     // No time passes: only the rotation is noted, for the mean with the next sample's.
+    filter.assume_bias(frame.gyro_bias);
     filter.update(0, &ImuSample { accel, gyro: frame.gyro });
     filter
 }
