@@ -7,6 +7,7 @@
 //! [[arm]]                                   # the first is the one that the others are compared with
 //! name = "default"
 //! controller = "default"                    # default, braked, table-ii; or params = "runs/train-1"
+//! shift.P1 = 0.1                            # a tenth of the way between the parameter's limits, upwards
 //!
 //! [common]                                  # holds for every condition that says nothing else
 //! impulses_n_s = [18, 24]
@@ -33,6 +34,7 @@
 //! set.enaf.recurrent = false
 //! ```
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use sarah_protocol::params::Lpg;
@@ -94,6 +96,9 @@ pub struct ControllerArm {
     pub controller: Option<ControllerName>,
     /// A parameter file, or the folder of a run.
     pub params: Option<PathBuf>,
+    /// What is added to parameters of the set, by symbol, as a share of the width of their limits, at which it ends.
+    #[serde(default)]
+    pub shift: BTreeMap<String, f32>,
 }
 
 /// Controllers that need no file.

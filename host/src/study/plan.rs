@@ -13,7 +13,7 @@
 use std::collections::BTreeSet;
 
 use sarah_firmware::default_params;
-use sarah_protocol::params::ParamSet;
+use sarah_protocol::params::{ParamSet, SPECS};
 use sarah_sim::scenario::{Overrides, Scenario};
 use sarah_sim::sil::SilConfig;
 use serde::{Deserialize, Serialize};
@@ -201,7 +201,30 @@ fn balancer(arm: &ControllerArm) -> Result<Balancer, StudyError> {
             return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
         }
     };
-    Ok(Balancer { name: arm.name.clone(), set: set.map(|set| set.values().to_vec()) })
+    let set = match set {
+        Some(set) => Some(shifted(set, arm)?),
+        None if arm.shift.is_empty() => None,
+        None => {
+            let why = "has no parameters to shift: remove shift".into();
+            return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
+        }
+    };
+    Ok(Balancer { name: arm.name.clone(), set })
+}
+
+/// The values of a set with the arm's shifts.
+fn shifted(set: ParamSet, arm: &ControllerArm) -> Result<Vec<f32>, StudyError> {
+    let mut values = set.values().to_vec();
+    for (symbol, share) in &arm.shift {
+        let wrong = |why: String| StudyError::Part { part: format!("arm {}, shift.{symbol}", arm.name), why };
+        let found = SPECS.iter().zip(&mut values).find(|(spec, _)| spec.symbol == symbol);
+        let Some((spec, value)) = found else { return Err(wrong("no parameter is called that; P1 to V5 are".into())) };
+        if !(-1.0..=1.0).contains(share) {
+            return Err(wrong(format!("{share}: give -1 to 1, a share of the width of its limits")));
+        }
+        *value = (*value + share * (spec.max - spec.min)).clamp(spec.min, spec.max);
+    }
+    Ok(values)
 }
 
 fn condition(own: &ConditionFile, seed: u64) -> Result<Condition, StudyError> {
@@ -310,4 +333,39 @@ fn names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result
         return Err(StudyError::Part { part: what.into(), why });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resolved(arm: &str) -> Result<Vec<f32>, String> {
+        let arm: ControllerArm = toml::from_str(arm).unwrap();
+        balancer(&arm).map(|balancer| balancer.set.unwrap()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_shift_moves_what_it_names_and_ends_at_the_limits() {
+        let plain = resolved("name = 'a'\ncontroller = 'default'").unwrap();
+        assert_eq!(plain, default_params().values());
+        let shifted = resolved("name = 'a'\ncontroller = 'default'\nshift.P1 = 0.25\nshift.H5 = 1.0").unwrap();
+        for (index, (spec, (plain, shifted))) in SPECS.iter().zip(plain.iter().zip(&shifted)).enumerate() {
+            let expected = match spec.symbol {
+                "P1" => plain + 0.25 * (spec.max - spec.min),
+                "H5" => spec.max,
+                _ => *plain,
+            };
+            assert_eq!(*shifted, expected, "parameter {index}");
+        }
+    }
+
+    #[test]
+    fn a_shift_of_nothing_or_by_nonsense_is_refused_by_name() {
+        for (shift, says) in [("Q1 = 0.1", "shift.Q1"), ("P1 = 2.0", "-1 to 1"), ("P1 = nan", "-1 to 1")] {
+            let error = resolved(&format!("name = 'a'\ncontroller = 'default'\nshift.{shift}")).unwrap_err();
+            assert!(error.contains("arm a") && error.contains(says), "{error}");
+        }
+        let braked = toml::from_str("name = 'a'\ncontroller = 'braked'\nshift.P1 = 0.1").unwrap();
+        assert!(balancer(&braked).unwrap_err().to_string().contains("remove shift"));
+    }
 }
