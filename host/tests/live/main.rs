@@ -4,7 +4,10 @@
 //! bytes, and `sarah emulate` puts them on the same kind of cable.
 //!
 //! - `bench`: the robot and its cable. `link`: arming, losses, two hosts. `training`: a whole run, killed and resumed.
+//! - `monitor`: the dashboard on a terminal, `tty`.
 
 mod bench;
 mod link;
+mod monitor;
 mod training;
+mod tty;
