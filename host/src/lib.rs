@@ -9,7 +9,7 @@
 //! - [`run`]: the folder a run lives in. [`metrics`], [`stats`], [`figures`], [`report`]: from numbers to a report.
 //! - [`params`]: sets of files and robots. [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
 //! - [`mod@bench`]: how good the link is.
-//! - [`cli`]: the `sarah` command. [`progress`]: how far it is.
+//! - [`cli`]: the `sarah` command. [`progress`]: how far it is. [`stop`]: whether it is asked to end.
 
 pub mod bake;
 pub mod bench;
@@ -30,6 +30,7 @@ pub mod report;
 pub mod run;
 pub mod search;
 pub mod stats;
+pub mod stop;
 pub mod study;
 pub mod task;
 pub mod train;

@@ -14,7 +14,7 @@ mod model;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use config::{MAX_SUBSTEP_S, RobotConfig, RobotError};
+pub use config::{MAX_SUBSTEP_S, RobotConfig, RobotError, WeakActuator};
 pub use geometry::Geometry;
 pub use model::SARAH_MJCF;
 
@@ -30,6 +30,7 @@ const EXPLODED_RAD_S: f32 = 300.0;
 
 /// The driven joints, in the order of every six-element array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[repr(usize)]
 pub enum Joint {
     /// Left hip's roll axis; positive moves the foot outward (+y).

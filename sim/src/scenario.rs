@@ -128,6 +128,10 @@ fn one() -> u32 {
 pub struct Overrides {
     /// Strength of every push, N·s.
     pub impulse_n_s: Option<f32>,
+    /// Length of every push, s; a longer one is a weaker force.
+    pub duration_s: Option<f32>,
+    /// Point of application of every push above the trunk's centre of mass, m.
+    pub height_m: Option<f32>,
     /// Directions of a grid.
     pub directions: Option<u32>,
     /// Episodes a direction of a grid.
@@ -243,20 +247,27 @@ impl Scenario {
     /// This scenario with `overrides` in place of its own values, validated.
     pub fn with(&self, overrides: &Overrides) -> Result<Self, ScenarioError> {
         let mut scenario = self.clone();
+        let shape = |duration_s: &mut f32, height_m: &mut f32| {
+            *duration_s = overrides.duration_s.unwrap_or(*duration_s);
+            *height_m = overrides.height_m.unwrap_or(*height_m);
+        };
         match &mut scenario.pushes {
             Pushes::None => {}
             Pushes::Fixed(pushes) => {
                 for push in pushes {
                     push.impulse_n_s = overrides.impulse_n_s.unwrap_or(push.impulse_n_s);
+                    shape(&mut push.duration_s, &mut push.height_m);
                 }
             }
             Pushes::Grid(grid) => {
                 grid.impulse_n_s = overrides.impulse_n_s.unwrap_or(grid.impulse_n_s);
                 grid.directions = overrides.directions.unwrap_or(grid.directions);
                 grid.repeats = overrides.repeats.unwrap_or(grid.repeats);
+                shape(&mut grid.duration_s, &mut grid.height_m);
             }
             Pushes::Random(random) => {
                 random.impulse_n_s = overrides.impulse_n_s.map_or(random.impulse_n_s, |i| [i, i]);
+                shape(&mut random.duration_s, &mut random.height_m);
             }
         }
         scenario.validate()?;

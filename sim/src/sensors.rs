@@ -39,6 +39,8 @@ pub struct SensorConfig {
     pub gyro_noise_rad_s: f32,
     /// Spread of the gyroscope bias, rad/s rms per axis, drawn once per episode.
     pub gyro_bias_rad_s: f32,
+    /// Growth of the gyroscope bias in its own direction, rad/s per s rms per axis, 0 to 0.1: a part that warms up.
+    pub gyro_bias_growth_rad_s2: f32,
     /// Age of an IMU sample when it can first be read, s, 0 to 0.2.
     pub imu_delay_s: f32,
     /// Pad load noise, N rms.
@@ -62,6 +64,7 @@ impl Default for SensorConfig {
             accel_bias_m_s2: [0.0; 3],
             gyro_noise_rad_s: 0.01,
             gyro_bias_rad_s: 0.01,
+            gyro_bias_growth_rad_s2: 0.0,
             imu_delay_s: 0.010,
             pad_noise_n: 1.0,
             pad_quantum_n: 0.1,
@@ -95,6 +98,7 @@ impl SensorConfig {
             accel_bias_m_s2: [0.0; 3],
             gyro_noise_rad_s: 0.0,
             gyro_bias_rad_s: 0.0,
+            gyro_bias_growth_rad_s2: 0.0,
             imu_delay_s: 0.0,
             pad_noise_n: 0.0,
             pad_quantum_n: 0.0,
@@ -115,6 +119,7 @@ impl SensorConfig {
             ("accel_bias_m_s2", z, -10.0, 10.0),
             ("gyro_noise_rad_s", self.gyro_noise_rad_s, 0.0, 1.0),
             ("gyro_bias_rad_s", self.gyro_bias_rad_s, 0.0, 1.0),
+            ("gyro_bias_growth_rad_s2", self.gyro_bias_growth_rad_s2, 0.0, 0.1),
             ("imu_delay_s", self.imu_delay_s, 0.0, 0.2),
             ("pad_noise_n", self.pad_noise_n, 0.0, 100.0),
             ("pad_quantum_n", self.pad_quantum_n, 0.0, 100.0),
@@ -177,6 +182,7 @@ pub struct Sensors {
     config: SensorConfig,
     rng: Pcg64Mcg,
     gyro_bias_rad_s: [f32; 3],
+    gyro_bias_growth_rad_s2: [f32; 3],
     /// Body-frame specific force and rate of the last [`IMU_WINDOW_S`], newest last.
     window: VecDeque<(Vector, Vector)>,
     last: Option<ImuState>,
@@ -197,11 +203,12 @@ impl Sensors {
     pub fn new(config: &SensorConfig, seed: u64) -> Result<Self, SensorError> {
         config.validate()?;
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let gyro_bias_rad_s = [(); 3].map(|()| config.gyro_bias_rad_s * normal(&mut rng));
+        let direction = [(); 3].map(|()| normal(&mut rng));
         Ok(Self {
             config: config.clone(),
             rng,
-            gyro_bias_rad_s,
+            gyro_bias_rad_s: direction.map(|axis| config.gyro_bias_rad_s * axis),
+            gyro_bias_growth_rad_s2: direction.map(|axis| config.gyro_bias_growth_rad_s2 * axis),
             window: VecDeque::new(),
             last: None,
             frames: VecDeque::new(),
@@ -214,10 +221,11 @@ impl Sensors {
         self.observe_imu(&imu, robot.dt_s(), robot.gravity_m_s2());
         let mean = self.window_mean();
         let (accel, gyro) = (mean.0.to_array(), mean.1.to_array());
+        let bias = self.gyro_bias_rad_s(robot.time_s() as f32);
         let mut noise = |rms: f32| rms * normal(&mut self.rng);
         let config = &self.config;
         let accel = [0, 1, 2].map(|i| accel[i] + config.accel_bias_m_s2[i] + noise(config.accel_noise_m_s2));
-        let gyro = [0, 1, 2].map(|i| gyro[i] + self.gyro_bias_rad_s[i] + noise(config.gyro_noise_rad_s));
+        let gyro = [0, 1, 2].map(|i| gyro[i] + bias[i] + noise(config.gyro_noise_rad_s));
         let pads_n = robot.pad_loads_n().map(|n| {
             let measured_n = n + noise(config.pad_noise_n);
             quantise(measured_n, config.pad_quantum_n)
@@ -228,6 +236,11 @@ impl Sensors {
         });
         let frame = Frame { time_us: micros(robot.time_s()), imu: ImuCounts::from_si(accel, gyro), pads_n, joints };
         self.push(frame);
+    }
+
+    /// The gyroscope's bias `time_s` after power-up, or after somebody put the robot back on its feet.
+    fn gyro_bias_rad_s(&self, time_s: f32) -> [f32; 3] {
+        [0, 1, 2].map(|i| self.gyro_bias_rad_s[i] + self.gyro_bias_growth_rad_s2[i] * time_s)
     }
 
     fn observe_imu(&mut self, now: &ImuState, dt_s: f32, gravity_m_s2: f32) {

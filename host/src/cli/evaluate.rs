@@ -39,6 +39,12 @@ pub(super) struct EvaluateArgs {
     /// Impulse of every push, N·s, instead of the scenario's own.
     #[arg(long)]
     impulse: Option<f32>,
+    /// Length of every push, s, 0.002 to 10; the impulse stays, so a longer push is a weaker force.
+    #[arg(long, value_name = "SECONDS")]
+    push_duration: Option<f32>,
+    /// Where every push acts, m above the trunk's centre of mass (below it, if negative), within ±0.5.
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    push_height: Option<f32>,
     /// Directions of a push grid.
     #[arg(long)]
     directions: Option<u32>,
@@ -74,7 +80,13 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), CliError> {
         (None, ControllerName::Default) => ("default".into(), Controller::Constants(default_params())),
         (None, ControllerName::Braked) => ("braked".into(), Controller::Braked),
     };
-    let overrides = Overrides { impulse_n_s: args.impulse, directions: args.directions, repeats: args.repeats };
+    let overrides = Overrides {
+        impulse_n_s: args.impulse,
+        duration_s: args.push_duration,
+        height_m: args.push_height,
+        directions: args.directions,
+        repeats: args.repeats,
+    };
     let scenario = Scenario::load(&args.scenario)?.with(&overrides)?;
     let sensors = if args.perfect_sensors { SensorConfig::perfect() } else { SensorConfig::default() };
     let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, images: args.link.images(), ..SilConfig::default() };

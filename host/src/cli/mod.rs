@@ -54,7 +54,8 @@ enum Verb {
     #[command(after_help = "Examples:\n  sarah evaluate --scenario stand --episodes 3\n  \
         sarah evaluate --controller braked --scenario push-grid --impulse 24\n  \
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
-        --repeats 4 --seed 7 --json")]
+        --repeats 4 --seed 7 --json\n  \
+        sarah evaluate --impulse 24 --push-duration 0.3 --push-height 0.2   a long push at the chest")]
     Evaluate(evaluate::EvaluateArgs),
     /// Show, compare and change parameter sets: of files, of runs, of a robot, of the firmware.
     #[command(after_help = "Examples:\n  sarah params show runs/train-1\n  \
@@ -73,7 +74,8 @@ enum Verb {
     /// Record a robot, simulated or real, for Foxglove, Rerun and replay.
     #[command(after_help = "Examples:\n  sarah record --link sim --scenario train --seed 3\n  \
         sarah record --link emulated --seconds 5\n  \
-        sarah record --link serial:/dev/ttyACM0 --out walk.mcap")]
+        sarah record --link serial:/dev/ttyACM0 --out walk.mcap\n  \
+        sarah record --link serial --split 10        a new file every ten minutes")]
     Record(record::RecordArgs),
     /// Run a recording's inputs through this build's control code, and say where it first differs.
     #[command(after_help = "Example:\n  sarah replay walk.mcap")]

@@ -1,8 +1,8 @@
 //! `sarah record` and `sarah replay`.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use clap::Args;
@@ -15,14 +15,18 @@ use super::link::{LinkArgs, LinkName};
 use crate::link::port::Target;
 use crate::progress::Progress;
 use crate::recording::live::{Going, Listening};
+use crate::recording::parts::{Part, file_of};
 use crate::recording::simulated::Simulation;
-use crate::recording::{About, Recorder, RecordingError, replay};
+use crate::recording::{About, Parts, Recorder, RecordingError, replay};
 use crate::run::utc_now;
+use crate::stop;
 
 /// Telemetry of a simulated robot, frames per second, unless asked otherwise.
 const RATE_HZ: u16 = 100;
 /// Between two lines on how a recording without an end goes, s.
 const LINE_S: f64 = 10.0;
+/// Length of a part, unless asked otherwise, min: about 0.7 GB at 100 frames per second.
+const SPLIT_MIN: f64 = 60.0;
 
 #[derive(Args, Debug)]
 pub(super) struct RecordArgs {
@@ -32,6 +36,10 @@ pub(super) struct RecordArgs {
     /// How long; by default the scenario's length, or with a robot on a port until Ctrl-C.
     #[arg(long, value_parser = seconds)]
     seconds: Option<f64>,
+    /// With a robot on a port: begin another file every so many minutes, 0.05 to 10000; by default 60. Each is whole, and
+    /// named after the time it begins.
+    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
+    split: Option<f64>,
     /// Telemetry frames per second, 1 to 1000; 100 if simulated. Asking a robot on a port for it needs the claim, so
     /// without this the recording only listens.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -57,14 +65,11 @@ pub(super) struct ReplayArgs {
 
 /// Records as the arguments say.
 pub(super) fn record(args: &RecordArgs) -> Result<(), CliError> {
-    let path = args.out.clone().unwrap_or_else(|| {
-        // Colons are not for file names everywhere.
-        Path::new("recordings").join(format!("{}.mcap", utc_now().replace(':', "-")))
-    });
-    let stop = stop_at_ctrl_c()?;
+    let stop = stop::when_asked().map_err(RecordingError::Signal)?;
     match args.link.serial() {
-        Some(target) => listen(args, target, &path, &stop),
-        None => simulate(args, &path, &stop),
+        Some(target) => listen(args, target, &stop),
+        None if args.split.is_some() => Err(RecordingError::NotSplit.into()),
+        None => simulate(args, &file_of(args.out.as_deref(), 1, &utc_now()), &stop),
     }
 }
 
@@ -94,17 +99,21 @@ fn simulate(args: &RecordArgs, path: &Path, stop: &AtomicBool) -> Result<(), Cli
     Ok(())
 }
 
-fn listen(args: &RecordArgs, target: &Target, path: &Path, stop: &AtomicBool) -> Result<(), CliError> {
+fn listen(args: &RecordArgs, target: &Target, stop: &AtomicBool) -> Result<(), CliError> {
     let listening = Listening { target: target.clone(), rate_hz: args.rate, seconds: args.seconds };
     let link = listening.open()?;
-    let about = About::now(link.now_us()).with("link", format!("serial:{}", link.health().port));
-    let mut recorder = Recorder::create(path, about.with("started", utc_now()))?;
+    let port = link.health().port;
+    let files = RefCell::new(vec![]);
+    let about = About::now(link.now_us()).with("link", format!("serial:{port}"));
+    let begin = |part: Part| begin_part(args.out.as_deref(), part, &about, &mut files.borrow_mut());
+    let every_us = (args.split.unwrap_or(SPLIT_MIN) * 60e6) as u64;
+    let mut parts = Parts::new(Some(every_us), link.now_us(), Box::new(begin))?;
     let bar = args.seconds.map(|seconds| Progress::counting(seconds.ceil() as u64, "seconds"));
     if bar.is_none() {
-        eprintln!("recording {} into {}; Ctrl-C ends it", link.health().port, path.display());
+        eprintln!("recording {port}; Ctrl-C ends it");
     }
     let mut line_s = 0.0;
-    let ended = listening.record(&link, &mut recorder, stop, &mut |going| match &bar {
+    let ended = listening.record(&link, &mut parts, stop, &mut |going| match &bar {
         Some(bar) => bar.episode(Some(words(&going))),
         None if going.seconds >= line_s => {
             line_s = going.seconds + LINE_S;
@@ -116,10 +125,40 @@ fn listen(args: &RecordArgs, target: &Target, path: &Path, stop: &AtomicBool) ->
         bar.finish();
     }
     // What was heard before a failure is kept all the same.
-    let messages = recorder.finish();
+    let messages = parts.finish();
+    let files = files.into_inner();
+    if ended.is_err() {
+        eprintln!("kept, each readable by itself: {}", names(&files));
+    }
     let (ended, messages) = (ended?, messages?);
-    println!("{}: {messages} messages over {:.1} s, {}", path.display(), ended.seconds, words(&ended));
+    println!("{}: {messages} messages over {:.1} s, {}", names(&files), ended.seconds, words(&ended));
     Ok(())
+}
+
+/// Begins the file of a part, and notes its name.
+fn begin_part(
+    chosen: Option<&Path>,
+    part: Part,
+    about: &About,
+    files: &mut Vec<PathBuf>,
+) -> Result<Recorder, RecordingError> {
+    let started = utc_now();
+    let path = file_of(chosen, part.number, &started);
+    let first = files.first().unwrap_or(&path).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let about = About { begins_us: part.begins_us, ..about.clone() };
+    let about = about.with("started", started).with("part", part.number.to_string()).with("first_part", first);
+    let recorder = Recorder::create(&path, about)?;
+    eprintln!("part {}: {}", part.number, path.display());
+    files.push(path);
+    Ok(recorder)
+}
+
+fn names(files: &[PathBuf]) -> String {
+    match files {
+        [] => String::new(),
+        [one] => one.display().to_string(),
+        [first, .., last] => format!("{} to {}, {} files", first.display(), last.display(), files.len()),
+    }
 }
 
 fn words(going: &Going) -> String {
@@ -143,18 +182,16 @@ pub(super) fn run_replay(args: &ReplayArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Set when Ctrl-C is pressed: the recording is then ended as it should be.
-fn stop_at_ctrl_c() -> Result<Arc<AtomicBool>, RecordingError> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let heard = stop.clone();
-    ctrlc::set_handler(move || heard.store(true, Ordering::Relaxed))
-        .map_err(|error| RecordingError::Signal(error.to_string()))?;
-    Ok(stop)
-}
-
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
         _ => Err("give seconds, above 0 and at most 1000000".into()),
+    }
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(minutes) if (0.05..=10_000.0).contains(&minutes) => Ok(minutes),
+        _ => Err("give minutes, from 0.05 to 10000".into()),
     }
 }

@@ -27,6 +27,7 @@ use crate::link::port::Target;
 use crate::link::sim::LinkError;
 use crate::progress::Progress;
 use crate::run::{RunFolder, RunInfo, event_file, read_metrics};
+use crate::stop;
 use crate::task::environment::horizon;
 use crate::task::odometry::Odometry;
 use crate::task::pose_source::{PoseSocket, PoseSource};
@@ -88,10 +89,8 @@ pub fn train(
     folder: &RunFolder,
     info: &RunInfo,
 ) -> Result<PathBuf, TrainError> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    // Without the handler the signal ends the process at once, which the journal survives too.
-    let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
+    // If nobody listens the signal ends the process at once, which the journal survives too.
+    let interrupted = stop::when_asked().unwrap_or_default();
     let progress = Progress::new(3 * u64::from(config.episodes));
     progress.phase(&format!("training on {} in {}", reached.link.health().port, folder.layout().root().display()));
     progress.print(console::HELP);

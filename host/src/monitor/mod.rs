@@ -29,6 +29,7 @@ mod view;
 pub mod words;
 
 use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
@@ -42,6 +43,7 @@ pub use words::{Advice, event_words, fault_advice, limit_advice};
 
 use crate::link::live::{Link, Role};
 use crate::link::port::{PortError, Target};
+use crate::stop;
 
 /// Pictures per second: enough for the eye, little for a Raspberry Pi.
 const PICTURE: Duration = Duration::from_millis(66);
@@ -57,6 +59,9 @@ pub enum MonitorError {
     /// The screen.
     #[error("the terminal failed: {0}; try another one, or pipe the output to get lines: sarah monitor … | cat")]
     Terminal(io::Error),
+    /// No way to notice that the process is asked to end: it would leave the terminal as it is.
+    #[error("cannot listen for signals: {0}; pipe the output to get lines instead: sarah monitor … | cat")]
+    Signal(String),
     /// Standard output, where it is no terminal.
     #[error("cannot write to standard output: {0}; check where it leads to")]
     Output(io::Error),
@@ -69,11 +74,19 @@ pub fn run(target: &Target, role: Role) -> Result<(), MonitorError> {
         return lines(&Link::open(target, Role::Observer)?).map_err(MonitorError::Output);
     }
     let link = Link::open(target, role)?;
+    // Before the screen: whoever is asked to end from here on gives the terminal back first.
+    let stop = stop::when_asked().map_err(MonitorError::Signal)?;
     let mut screen = Screen::open().map_err(MonitorError::Terminal)?;
-    let shown = show(&mut screen.0, &link, role);
+    let shown = show(&mut screen.0, &link, role, &stop);
     drop(screen);
-    shown.map_err(MonitorError::Terminal)?;
-    println!("The robot goes on as it was. Without another host its stored set is back in force 10 s from now.");
+    match shown {
+        // The terminal was closed: there is nothing to give back, and nobody to tell.
+        Err(_) if stop.load(Ordering::Relaxed) => return Ok(()),
+        shown => shown.map_err(MonitorError::Terminal)?,
+    }
+    let farewell = "The robot goes on as it was. Without another host its stored set is back in force 10 s from now.";
+    // A terminal that was closed in the meantime is no failure.
+    let _ = writeln!(io::stdout(), "{farewell}");
     Ok(())
 }
 
@@ -93,9 +106,9 @@ impl Drop for Screen {
     }
 }
 
-fn show(terminal: &mut DefaultTerminal, link: &Link, role: Role) -> io::Result<()> {
+fn show(terminal: &mut DefaultTerminal, link: &Link, role: Role, stop: &AtomicBool) -> io::Result<()> {
     let mut dashboard = Dashboard::new(role);
-    while !dashboard.quits() {
+    while !dashboard.quits() && !stop.load(Ordering::Relaxed) {
         hear(&mut dashboard, link);
         terminal.draw(|frame| dashboard.view(frame, link.now_us()))?;
         // The wait is for keys, so that a stop does not wait for the next picture.

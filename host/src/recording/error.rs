@@ -77,6 +77,12 @@ pub enum RecordingError {
     /// The robot refused to move.
     #[error("the robot refused to arm: {0}")]
     Refused(Refusal),
+    /// A part of a simulated robot's recording could not be replayed: its replay begins at power-up.
+    #[error(
+        "--split is for a robot on a port; a simulated one is replayed from its power-up on, so its recording is one \
+         file: leave --split out, and end it with --seconds"
+    )]
+    NotSplit,
     /// No way to notice Ctrl-C.
     #[error("cannot listen for Ctrl-C: {0}; end the recording with --seconds")]
     Signal(String),
@@ -87,7 +93,8 @@ impl RecordingError {
     pub(super) fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RecordingError {
         let path = path.to_path_buf();
         move |source| match source.kind() {
-            io::ErrorKind::AlreadyExists => RecordingError::Exists(path),
+            // Not of a folder: where that cannot be made because a file is there, the recording itself is not.
+            io::ErrorKind::AlreadyExists if doing == "create" => RecordingError::Exists(path),
             _ => RecordingError::Io { doing, path, source },
         }
     }

@@ -1,4 +1,4 @@
-//! Records a robot on a serial port, until told to stop. It only listens, unless another telemetry rate is asked for.
+//! Records a robot on a serial port, until told to stop, in as many parts as it takes. It only listens, unless another telemetry rate is asked for.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -7,8 +7,8 @@ use sarah_protocol::host::Which;
 use sarah_protocol::session::News;
 
 use super::error::RecordingError;
-use super::recorder::Recorder;
-use crate::link::live::{Ask, Link, Role, What};
+use super::parts::Parts;
+use crate::link::live::{Ask, Heard, Link, Role, What};
 use crate::link::port::Target;
 
 /// Between two messages on how good the link is, µs.
@@ -51,29 +51,42 @@ impl Listening {
     pub fn record(
         &self,
         link: &Link,
-        recorder: &mut Recorder,
+        parts: &mut Parts<'_>,
         stop: &AtomicBool,
         progress: &mut dyn FnMut(Going),
     ) -> Result<Going, RecordingError> {
         let end_us = self.seconds.map_or(u64::MAX, |seconds| (seconds * 1e6) as u64);
         let mut link_at_us = LINK_US;
         while !stop.load(Ordering::Relaxed) && link.now_us() < end_us {
+            if parts.turn(link.now_us())? {
+                self.introduce(link, parts)?;
+            }
             match link.next(WAIT) {
                 Some(heard) => {
-                    recorder.hear(&heard, None)?;
+                    parts.recorder().hear(&heard, None)?;
                     self.answer(link, &heard.what)?;
                 }
-                None => recorder.keep()?,
+                None => parts.recorder().keep()?,
             }
             let now_us = link.now_us();
             if now_us >= link_at_us {
                 link_at_us = now_us + LINK_US;
                 let health = link.health();
-                recorder.link(now_us, &health.stats, health.up, health.reconnects)?;
-                progress(going(link, recorder));
+                parts.recorder().link(now_us, &health.stats, health.up, health.reconnects)?;
+                progress(going(link, parts));
             }
         }
-        Ok(going(link, recorder))
+        Ok(going(link, parts))
+    }
+
+    /// A part is understood without the ones before it: which robot this is, and which sets it has.
+    fn introduce(&self, link: &Link, parts: &mut Parts<'_>) -> Result<(), RecordingError> {
+        let Some(robot) = link.health().robot else { return Ok(()) };
+        let connected = Heard { at_us: link.now_us(), what: What::News(News::Connected(robot)) };
+        parts.recorder().hear(&connected, None)?;
+        link.ask(Ask::Get(Which::Stored));
+        link.ask(Ask::Get(Which::Applied));
+        Ok(())
     }
 
     fn answer(&self, link: &Link, what: &What) -> Result<(), RecordingError> {
@@ -96,7 +109,7 @@ impl Listening {
     }
 }
 
-fn going(link: &Link, recorder: &Recorder) -> Going {
+fn going(link: &Link, parts: &Parts<'_>) -> Going {
     let health = link.health();
-    Going { seconds: link.now_us() as f64 * 1e-6, frames: recorder.telemetry(), lost: health.stats.lost, up: health.up }
+    Going { seconds: link.now_us() as f64 * 1e-6, frames: parts.telemetry(), lost: health.stats.lost, up: health.up }
 }

@@ -8,6 +8,7 @@
 //! - [`recorder`]: from news to messages. [`file`](self): readable up to the last second. [`schemas`]: our messages.
 //! - [`scene`], [`description`]: the robot in space. [`pose`]: where something is. [`words`]: events in words.
 //! - [`simulated`]: records a simulated robot, with every call of its control code on a [`tape`]. [`live`]: one on a port.
+//! - [`parts`]: a recording without an end, in files that are each whole.
 //! - [`reader`]: what a replay needs. [`mod@replay`]: the same inputs through this build.
 //!
 //! Topics, their messages and rates are in `docs/recording.md`. Times of a real robot are the host's since 1970, those of a
@@ -17,6 +18,7 @@ pub mod description;
 pub mod error;
 mod file;
 pub mod live;
+pub mod parts;
 pub mod pose;
 pub mod reader;
 pub mod recorder;
@@ -28,6 +30,7 @@ pub mod tape;
 pub mod words;
 
 pub use error::RecordingError;
+pub use parts::Parts;
 pub use recorder::{About, Recorder};
 pub use replay::replay;
 

@@ -29,6 +29,8 @@ const TRANSFORMS_NS: u64 = 20_000_000;
 pub struct About {
     /// The time of `at_us = 0`, ns since 1970; 0 for a simulated robot, whose time is its own.
     pub start_ns: u64,
+    /// When the recording begins on that clock, µs: a later part of a long one does so late.
+    pub begins_us: u64,
     /// Names and values: where the robot is, the scenario, the seed.
     pub values: BTreeMap<String, String>,
 }
@@ -102,7 +104,7 @@ impl<W: Write + Seek> Recorder<W> {
     }
 
     fn with(mut file: McapFile<W>, about: About) -> Result<Recorder<W>, RecordingError> {
-        let About { start_ns, mut values } = about;
+        let About { start_ns, begins_us, mut values } = about;
         let program = concat!("sarah ", env!("CARGO_PKG_VERSION"));
         for (name, value) in
             [("program", program.to_owned()), ("protocol", VERSION.to_string()), (SCHEMA, schema_text())]
@@ -116,10 +118,11 @@ impl<W: Write + Seek> Recorder<W> {
         let topics = Topics::declare(&mut file)?;
         let mut recorder =
             Recorder { file, topics, scene: Scene::new()?, start_ns, transforms_at_ns: None, dropped: 0, telemetry: 0 };
-        let look = recorder.scene.look(timestamp(start_ns));
-        recorder.file.write(&mut recorder.topics.robot, start_ns, &look)?;
+        let at_ns = recorder.at_ns(begins_us);
+        let look = recorder.scene.look(timestamp(at_ns));
+        recorder.file.write(&mut recorder.topics.robot, at_ns, &look)?;
         let description = recorder.scene.description();
-        recorder.file.write(&mut recorder.topics.description, start_ns, &description)?;
+        recorder.file.write(&mut recorder.topics.description, at_ns, &description)?;
         // From here on the file says what it is, even if nothing ever comes.
         recorder.file.flush()?;
         Ok(recorder)

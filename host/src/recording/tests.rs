@@ -311,9 +311,10 @@ fn a_robot_on_a_port_is_recorded_and_its_telemetry_replayed() {
         let stop = stop.clone();
         move || on_a_port(near, stop)
     });
-    let mut recorder = Recorder::create(&path, About::now(link.now_us())).expect("a new file");
-    let ended = listening.record(&link, &mut recorder, &AtomicBool::new(false), &mut |_| {}).expect("records");
-    recorder.finish().expect("finishes");
+    let begin = |_| Recorder::create(&path, About::now(link.now_us()));
+    let mut parts = Parts::new(None, link.now_us(), Box::new(begin)).expect("a new file");
+    let ended = listening.record(&link, &mut parts, &AtomicBool::new(false), &mut |_| {}).expect("records");
+    parts.finish().expect("finishes");
     stop.store(true, Ordering::Relaxed);
     robot.join().expect("ran");
     drop(link);

@@ -17,7 +17,9 @@
 //! name = "payload-5kg"
 //! set.robot.payload_kg = 5.0                # any key of the simulated robot and its firmware
 //! draw.robot.friction = [0.4, 1.2]          # drawn anew in every episode
+//! set.robot.weak_actuator = { joint = "left-knee", force_scale = 0.8 }
 //! set_scenario.pushes.grid.duration_s = 0.3 # any key of the scenario
+//! set_scenario.pushes.grid.height_m = 0.2   # above the trunk's centre of mass
 //! ```
 //!
 //! ```toml

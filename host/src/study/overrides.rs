@@ -138,6 +138,16 @@ mod tests {
     }
 
     #[test]
+    fn one_weak_actuator_is_set_as_a_table_and_its_scales_can_then_be_drawn() {
+        let weak = table("robot.weak_actuator = { joint = 'left-knee', force_scale = 0.8, speed_scale = 0.8 }");
+        let set = overridden(&SilConfig::default(), &weak).unwrap();
+        let scales = |config: &SilConfig| config.robot.weak_actuator.map(|weak| (weak.force_scale, weak.speed_scale));
+        assert_eq!(scales(&set), Some((0.8, 0.8)));
+        let [low, high] = corners(&set, &table("robot.weak_actuator.force_scale = [0.5, 1.0]")).unwrap();
+        assert_eq!((scales(&low), scales(&high)), (Some((0.5, 0.8)), Some((1.0, 0.8))));
+    }
+
+    #[test]
     fn what_is_not_known_is_refused_by_name_in_one_line() {
         for text in ["robot.paylod_kg = 5", "robto.payload_kg = 5", "paylod_kg = true"] {
             let error = overridden(&SilConfig::default(), &table(text)).unwrap_err();
@@ -149,12 +159,13 @@ mod tests {
     fn draws_stay_in_their_ranges_and_follow_from_the_seed() {
         let ranges = table(
             "robot.mass_scale = [0.9, 1.1]\nrobot.com_shift_m = [[-0.03, 0.03], [0, 0], [0.01, 0.02]]\n\
-             robot.friction = [0.4, 1.2]\nbus_latency_us = [100, 900]",
+             robot.friction = [0.4, 1.2]\nbus_latency_us = [100, 900]\nsensors.imu_delay_s = [0.0, 0.09]",
         );
         let draw = |seed| drawn(&SilConfig::default(), &ranges, seed).unwrap();
         assert_eq!(draw(3), draw(3));
         assert_ne!(draw(3), draw(4));
-        for SilConfig { robot, bus_latency_us, .. } in (0..100).map(draw) {
+        for SilConfig { robot, sensors, bus_latency_us, .. } in (0..100).map(draw) {
+            assert!((0.0..=0.09).contains(&sensors.imu_delay_s));
             assert!((0.9..=1.1).contains(&robot.mass_scale) && (0.4..=1.2).contains(&robot.friction.unwrap()));
             let [x, y, z] = robot.com_shift_m;
             assert!(x.abs() <= 0.03 && y == 0.0 && (0.01..=0.02).contains(&z));

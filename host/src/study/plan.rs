@@ -231,7 +231,8 @@ fn condition(own: &ConditionFile, seed: u64) -> Result<Condition, StudyError> {
     let wrong = |why: String| StudyError::Part { part: format!("condition {}", own.name), why };
     let named = Scenario::load(own.scenario.as_deref().unwrap_or("push-grid"))?;
     let changed = overridden(&named, &own.set_scenario).map_err(wrong)?;
-    let scenario = changed.with(&Overrides { impulse_n_s: None, directions: own.directions, repeats: own.repeats })?;
+    let scenario =
+        changed.with(&Overrides { directions: own.directions, repeats: own.repeats, ..Overrides::default() })?;
     let episodes = scenario.episodes().or(own.episodes).unwrap_or(20);
     if !(1..=MOST_EPISODES).contains(&episodes) {
         return Err(wrong(format!("{episodes} episodes: give 1 to {MOST_EPISODES}")));

@@ -196,7 +196,12 @@ impl Judge<'_> {
 
     fn grid(&self, impulse: f32, chosen: &[&Chain]) -> Result<Evaluation, TrainError> {
         let repeats = self.config.grid_repeats;
-        let overrides = Overrides { impulse_n_s: Some(impulse), directions: Some(DIRECTIONS), repeats: Some(repeats) };
+        let overrides = Overrides {
+            impulse_n_s: Some(impulse),
+            directions: Some(DIRECTIONS),
+            repeats: Some(repeats),
+            ..Overrides::default()
+        };
         let scenario = Scenario::load("push-grid").and_then(|grid| grid.with(&overrides)).map_err(ConfigError::from)?;
         let trained = chosen.iter().enumerate().map(|(rank, chain)| {
             let name = match (rank, chain.method) {

@@ -1,7 +1,9 @@
-//! What may differ between one simulated robot and the next: time step, drop, payload, friction, slope.
+//! What may differ between one simulated robot and the next: time step, drop, payload, friction, slope, actuators.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use super::Joint;
 
 /// Longest solver sub-step, in seconds, at which the braked robot keeps its topple impulses (measured: at 1 ms the
 /// joints soften and it falls a third earlier).
@@ -33,6 +35,26 @@ pub struct RobotConfig {
     pub actuator_speed_scale: f32,
     /// Factor on the actuators' force limits, 0.1 to 2.
     pub actuator_force_scale: f32,
+    /// One actuator that does less than the others.
+    pub weak_actuator: Option<WeakActuator>,
+}
+
+/// An actuator that is worn, or its supply bad; on top of what holds for all.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeakActuator {
+    /// Which: `left-knee`, `right-hip` and so on.
+    pub joint: Joint,
+    /// Factor on its top speed, 0.1 to 1.
+    #[serde(default = "whole")]
+    pub speed_scale: f32,
+    /// Factor on its force limit, 0.1 to 1.
+    #[serde(default = "whole")]
+    pub force_scale: f32,
+}
+
+fn whole() -> f32 {
+    1.0
 }
 
 impl Default for RobotConfig {
@@ -49,6 +71,7 @@ impl Default for RobotConfig {
             slope_roll_rad: 0.0,
             actuator_speed_scale: 1.0,
             actuator_force_scale: 1.0,
+            weak_actuator: None,
         }
     }
 }
@@ -122,12 +145,25 @@ impl RobotConfig {
         within("slope_roll_rad", self.slope_roll_rad, -0.3, 0.3)?;
         within("actuator_speed_scale", self.actuator_speed_scale, 0.1, 2.0)?;
         within("actuator_force_scale", self.actuator_force_scale, 0.1, 2.0)?;
+        if let Some(weak) = self.weak_actuator {
+            within("weak_actuator.speed_scale", weak.speed_scale, 0.1, 1.0)?;
+            within("weak_actuator.force_scale", weak.force_scale, 0.1, 1.0)?;
+        }
         let substep_s = self.dt_s / self.solver_iterations as f32;
         // A relative margin for the rounding of the division.
         if substep_s > MAX_SUBSTEP_S * 1.001 {
             return Err(RobotError::Substep { substep_s });
         }
         Ok(())
+    }
+
+    /// Factors on top speed and force limit of the actuator of `joint`.
+    pub(super) fn actuator_scales(&self, joint: Joint) -> (f32, f32) {
+        let all = (self.actuator_speed_scale, self.actuator_force_scale);
+        match self.weak_actuator {
+            Some(weak) if weak.joint == joint => (all.0 * weak.speed_scale, all.1 * weak.force_scale),
+            _ => all,
+        }
     }
 }
 
@@ -146,6 +182,28 @@ mod tests {
         assert!(nan.validate().unwrap_err().to_string().contains("robot.payload_kg"));
         let negative = RobotConfig { drop_m: -0.1, ..Default::default() };
         assert!(negative.validate().unwrap_err().to_string().contains("robot.drop_m"));
+    }
+
+    #[test]
+    fn a_weak_actuator_is_named_by_its_joint_and_must_be_weaker() {
+        let config: RobotConfig = toml::from_str("weak_actuator = { joint = 'left-knee', force_scale = 0.8 }").unwrap();
+        let weak = WeakActuator { joint: Joint::LeftKnee, speed_scale: 1.0, force_scale: 0.8 };
+        assert_eq!((config.weak_actuator, config.validate()), (Some(weak), Ok(())));
+        let strong = WeakActuator { speed_scale: 1.2, ..weak };
+        let strong = RobotConfig { weak_actuator: Some(strong), ..Default::default() };
+        assert!(strong.validate().unwrap_err().to_string().contains("robot.weak_actuator.speed_scale = 1.2"));
+        let nobody = toml::from_str::<RobotConfig>("weak_actuator.joint = 'left-toe'").unwrap_err();
+        assert!(nobody.to_string().contains("left-knee"), "{nobody}");
+    }
+
+    #[test]
+    fn only_the_weak_actuator_is_weaker_and_on_top_of_what_holds_for_all() {
+        let weak = WeakActuator { joint: Joint::RightHip, speed_scale: 0.5, force_scale: 0.25 };
+        let config = RobotConfig { actuator_speed_scale: 0.5, weak_actuator: Some(weak), ..Default::default() };
+        for joint in Joint::ALL {
+            let expected = if joint == Joint::RightHip { (0.25, 0.25) } else { (0.5, 1.0) };
+            assert_eq!(config.actuator_scales(joint), expected, "{joint:?}");
+        }
     }
 
     #[test]

@@ -57,7 +57,7 @@ impl Model {
         let (robot, mjcf) =
             MjcfRobot::from_str(SARAH_MJCF, options, ".").map_err(|e| RobotError::Parse(e.to_string()))?;
 
-        let motors = array(Joint::ALL.iter().map(|joint| motor(&robot, joint.name(), config)))?;
+        let motors = array(Joint::ALL.iter().map(|joint| motor(&robot, *joint, config)))?;
         let pad_springs: [(f32, f32); 4] = array(PADS.iter().map(|name| {
             let joint = mjcf_joint(&robot, name)?;
             Ok((joint.spring_stiffness_per_dof, joint.damping_per_dof))
@@ -208,14 +208,16 @@ pub(super) fn site(mjcf: &Mjcf, name: &str) -> Result<Vector, RobotError> {
 }
 
 /// The velocity actuator that drives `joint`, scaled as `config` asks.
-fn motor(robot: &MjcfRobot, joint: &'static str, config: &RobotConfig) -> Result<Motor, RobotError> {
+fn motor(robot: &MjcfRobot, joint: Joint, config: &RobotConfig) -> Result<Motor, RobotError> {
+    let (speed_scale, force_scale) = config.actuator_scales(joint);
+    let joint = joint.name();
     let drives = |a: &&Actuator| a.kind == ActuatorKind::Velocity && a.joint.as_deref() == Some(joint);
     let actuator =
         robot.actuators.iter().map(|a| &a.actuator).find(drives).ok_or_else(|| missing("velocity actuator", joint))?;
     let need = |attribute| RobotError::Attribute { name: joint.to_owned(), attribute };
     Ok(Motor {
         gain: actuator.kv.ok_or_else(|| need("kv"))? as f32,
-        max_speed: actuator.ctrl_range.ok_or_else(|| need("ctrlrange"))?[1] as f32 * config.actuator_speed_scale,
-        max_force: actuator.force_range.ok_or_else(|| need("forcerange"))?[1] as f32 * config.actuator_force_scale,
+        max_speed: actuator.ctrl_range.ok_or_else(|| need("ctrlrange"))?[1] as f32 * speed_scale,
+        max_force: actuator.force_range.ok_or_else(|| need("forcerange"))?[1] as f32 * force_scale,
     })
 }

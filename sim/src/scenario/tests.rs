@@ -75,13 +75,33 @@ fn a_push_delivers_its_impulse_over_whole_steps() {
 
 #[test]
 fn overrides_replace_strength_directions_and_repeats() {
-    let overrides = Overrides { impulse_n_s: Some(27.0), directions: Some(8), repeats: Some(2) };
+    let overrides = Overrides { impulse_n_s: Some(27.0), directions: Some(8), repeats: Some(2), ..Default::default() };
     let scenario = load("push-grid").with(&overrides).unwrap();
     assert_eq!(scenario.episodes(), Some(16));
     assert_eq!(scenario.episode(1, 1).pushes[0].direction_deg, 45.0);
     assert_eq!(load("train").with(&overrides).unwrap().episode(1, 0).pushes[0].impulse_n_s, 27.0);
     let bad = Overrides { impulse_n_s: Some(f32::NAN), ..Default::default() };
     assert!(load("push-grid").with(&bad).is_err());
+}
+
+#[test]
+fn overrides_replace_length_and_height_of_every_kind_of_push_and_keep_the_rest() {
+    let overrides = Overrides { duration_s: Some(0.3), height_m: Some(-0.2), ..Default::default() };
+    for name in ["paper", "push-grid", "train"] {
+        let (own, shaped) = (load(name).episode(3, 1), load(name).with(&overrides).unwrap().episode(3, 1));
+        assert!(!own.pushes.is_empty() && own.pushes.len() == shaped.pushes.len(), "{name}");
+        for (own, shaped) in own.pushes.iter().zip(shaped.pushes) {
+            assert_eq!(shaped, Push { duration_s: 0.3, height_m: -0.2, ..*own }, "{name}");
+        }
+    }
+    for (overrides, complaint) in [
+        (Overrides { duration_s: Some(0.0), ..Default::default() }, "pushes.duration_s = 0 is out of range"),
+        (Overrides { duration_s: Some(f32::NAN), ..Default::default() }, "pushes.duration_s"),
+        (Overrides { height_m: Some(0.6), ..Default::default() }, "pushes.height_m = 0.6"),
+    ] {
+        let error = load("push-grid").with(&overrides).unwrap_err().to_string();
+        assert!(error.contains(complaint), "{error} lacks {complaint}");
+    }
 }
 
 #[test]

@@ -111,6 +111,39 @@ fn noise_has_the_configured_strength_and_bias_is_constant() {
 }
 
 #[test]
+fn a_growing_bias_goes_on_in_the_direction_it_was_drawn_in() {
+    let config = SensorConfig { gyro_bias_rad_s: 0.02, gyro_bias_growth_rad_s2: 0.01, ..SensorConfig::perfect() };
+    let mut robot = standing();
+    let began_s = robot.time_s() as f32;
+    let mut sensors = Sensors::new(&config, 3).unwrap();
+    let drawn = sensors.gyro_bias_rad_s;
+    for step in 1..=1500 {
+        robot.step();
+        sensors.observe(&robot);
+        if step % 500 == 0 {
+            // 0.01 rad/s² on 0.02 rad/s: half as much again every second.
+            let time_s = began_s + step as f32 * robot.dt_s();
+            for (read, drawn) in sensors.imu(robot.time_s()).gyro_rad_s().iter().zip(drawn) {
+                assert!((read - drawn * (1.0 + 0.5 * time_s)).abs() < 0.003, "{read} at {time_s} s, began as {drawn}");
+            }
+        }
+    }
+}
+
+#[test]
+fn growth_draws_nothing_more_so_that_noise_stays_what_it_was() {
+    let grows = SensorConfig { gyro_bias_growth_rad_s2: 0.01, ..SensorConfig::default() };
+    let loads = |config: &SensorConfig| {
+        let mut robot = standing();
+        let mut sensors = Sensors::new(config, 3).unwrap();
+        robot.step();
+        sensors.observe(&robot);
+        (sensors.pads_n(robot.time_s()), sensors.imu(robot.time_s()).accel)
+    };
+    assert_eq!(loads(&SensorConfig::default()), loads(&grows));
+}
+
+#[test]
 fn knees_are_read_in_steps_of_five_millimetres() {
     let mut robot = standing();
     let mut sensors = Sensors::new(&SensorConfig::default(), 1).unwrap();
@@ -129,5 +162,7 @@ fn unknown_keys_nan_and_negative_values_are_refused() {
     for bad in [f32::NAN, -1.0] {
         let config = SensorConfig { pad_noise_n: bad, ..Default::default() };
         assert!(Sensors::new(&config, 1).unwrap_err().to_string().contains("sensors.pad_noise_n"));
+        let config = SensorConfig { gyro_bias_growth_rad_s2: bad, ..Default::default() };
+        assert!(Sensors::new(&config, 1).unwrap_err().to_string().contains("sensors.gyro_bias_growth_rad_s2"));
     }
 }

@@ -27,7 +27,8 @@ fn away_m(estimate: &Estimate) -> f32 {
 /// A simulated episode with all sensor errors on, pushed 24 to the circle; frames may get lost. Rewards of every second
 /// by the truth and by odometry come with it.
 fn episode(impulse_n_s: f32, index: u64, arrives: impl Fn(usize) -> bool) -> (Audited, Vec<[f32; 2]>) {
-    let overrides = Overrides { impulse_n_s: Some(impulse_n_s), directions: Some(24), repeats: Some(4) };
+    let overrides =
+        Overrides { impulse_n_s: Some(impulse_n_s), directions: Some(24), repeats: Some(4), ..Overrides::default() };
     let episode = Scenario::load("push-grid").unwrap().with(&overrides).unwrap().episode(3, index);
     let mut robot = SimRobot::start(&SilConfig::default(), &episode).unwrap();
     robot.ready_at(episode.settle_s).unwrap();
