@@ -375,6 +375,38 @@ fn a_calm_robot_brings_each_leg_that_stepped_back_to_rest_once() {
 }
 
 #[test]
+fn a_recovery_that_ends_in_steps_has_to_wait_longer_the_next_time() {
+    let mut rig = Rig::new(1_000);
+    rig.motion = PUSHED();
+    rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = QUIET();
+    rig.run(|r| r.knee.phase() == Phase::Idle);
+    let waited = |rig: &mut Rig| {
+        let waited = (0..20_000).find(|_| rig.tick().events.contains(&GaitEvent::Recovery)).expect("recovers");
+        rig.run(|r| r.knee.phase() == Phase::Idle);
+        waited
+    };
+    let mut last = waited(&mut rig);
+    for _ in 0..6 {
+        rig.motion = PUSHED();
+        rig.run(|r| r.knee.phase() == Phase::Retract);
+        rig.motion = QUIET();
+        rig.run(|r| r.knee.phase() == Phase::Idle);
+        let now = waited(&mut rig);
+        let expected = (2 * last).min(KNEE.patience_us as usize / 1_000);
+        assert!(now.abs_diff(expected) < 100, "{now} after {last}");
+        last = now;
+    }
+    // A calm robot whose legs are at rest starts afresh.
+    begun(&mut rig, 30);
+    rig.motion = PUSHED();
+    rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = QUIET();
+    rig.run(|r| r.knee.phase() == Phase::Idle);
+    assert!(waited(&mut rig).abs_diff(KNEE.calm_us as usize / 1_000) < 100);
+}
+
+#[test]
 fn recovery_waits_until_the_robot_has_been_calm_long_enough() {
     let mut rig = Rig::new(1_000);
     rig.motion = PUSHED();

@@ -104,6 +104,10 @@ pub struct Knee {
     displaced: [bool; 2],
     /// For so long the robot has been calm; saturates.
     calm_us: u32,
+    /// For so long it must have been before the next recovery.
+    patience_us: u32,
+    /// A recovery was made since the last step.
+    recovering: bool,
 }
 
 impl Knee {
@@ -124,6 +128,8 @@ impl Knee {
             cycle: 0,
             displaced: [false; 2],
             calm_us: 0,
+            patience_us: rules.calm_us,
+            recovering: false,
         }
     }
 
@@ -167,6 +173,9 @@ impl Knee {
         if self.phase == Phase::Idle {
             let calm = inputs.may_start && loaded == [true; 2] && inputs.fall.calm;
             self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
+            if self.calm_us >= self.rules.calm_us && self.displaced == [false; 2] {
+                self.patience_us = self.rules.calm_us;
+            }
             let start = if inputs.may_start { self.start(loaded, inputs) } else { None };
             let Some((swing, kind)) = start else {
                 // A foot that was still in the air when its leg came to rest lands now.
@@ -189,6 +198,11 @@ impl Knee {
         self.step = if recovers { self.rules.recovery_step } else { fall.step };
         self.kick_height = self.rules.kick_fraction.times(self.step);
         self.displaced[swing as usize] = !recovers;
+        // A recovery that upsets the robot so that it steps again must not become a habit.
+        if self.recovering && !recovers {
+            self.patience_us = self.patience_us.saturating_mul(2).min(self.rules.patience_us);
+        }
+        self.recovering = recovers;
         self.lifted = false;
         self.airborne = false;
         // A recovery tidies up; it is no step.
@@ -267,7 +281,7 @@ impl Knee {
                 };
                 Some((swing, GaitEvent::CycleStart))
             }
-            [true, true] if self.calm_us >= rules.calm_us => {
+            [true, true] if self.calm_us >= self.patience_us => {
                 // The shorter leg first: it is the one that tilts the trunk.
                 let [left, right] = inputs.position;
                 let shorter = if left < right { Side::Left } else { Side::Right };

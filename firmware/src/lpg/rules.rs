@@ -52,6 +52,8 @@ pub struct KneeRules {
     pub calm: Q16,
     /// Calm for so long, it brings legs that have stepped back to rest, one after the other.
     pub calm_us: u32,
+    /// Every recovery that ends in steps doubles that time, up to this.
+    pub patience_us: u32,
     /// Step height of such a recovery cycle.
     pub recovery_step: Q16,
 }
@@ -79,6 +81,7 @@ pub const KNEE: KneeRules = KneeRules {
     lead_margin: Q16::lit(0.001),
     calm: Q16::lit(0.05),
     calm_us: 800_000,
+    patience_us: 12_800_000,
     recovery_step: Q16::lit(0.0213),
 };
 
