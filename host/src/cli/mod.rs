@@ -54,7 +54,8 @@ enum Verb {
     #[command(after_help = "Examples:\n  sarah evaluate --scenario stand --episodes 3\n  \
         sarah evaluate --controller braked --scenario push-grid --impulse 24\n  \
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
-        --repeats 4 --seed 7 --json")]
+        --repeats 4 --seed 7 --json\n  \
+        sarah evaluate --plant sim/mujoco/plant.py --scenario push-grid   MuJoCo instead of rapier")]
     Evaluate(evaluate::EvaluateArgs),
     /// Show, compare and change parameter sets: of files, of runs, of a robot, of the firmware.
     #[command(after_help = "Examples:\n  sarah params show runs/train-1\n  \

@@ -152,8 +152,7 @@ impl Model {
     /// Tilts the ground about the origin, sets its friction, and lifts the robot until its lowest sole corner is
     /// `drop_m` above it.
     fn set_ground(&mut self, config: &RobotConfig) {
-        let tilt = Rotation::from_axis_angle(Vector::Y, config.slope_pitch_rad)
-            * Rotation::from_axis_angle(Vector::X, config.slope_roll_rad);
+        let tilt = ground_turn(config);
         self.ground_normal = tilt * Vector::Z;
         if let Some(ground) = self.world.colliders.get(self.ground).and_then(Collider::parent) {
             self.world.bodies[ground].set_rotation(tilt, false);
@@ -186,6 +185,12 @@ impl Model {
             body.set_translation(raised, false);
         }
     }
+}
+
+/// How the ground of `config` is turned.
+pub(crate) fn ground_turn(config: &RobotConfig) -> Rotation {
+    Rotation::from_axis_angle(Vector::Y, config.slope_pitch_rad)
+        * Rotation::from_axis_angle(Vector::X, config.slope_roll_rad)
 }
 
 fn find_collider(
