@@ -19,9 +19,14 @@ VERSION = 1
 XML = Path(__file__).resolve().parents[1] / "assets" / "sarah.xml"
 JOINTS = ["l_abd", "l_hip", "l_knee", "r_abd", "r_hip", "r_knee"]
 PADS = ["l_heel", "l_toe", "r_heel", "r_toe"]
-# The file's own 1 ms is too long for its stiff pads on MuJoCo's soft contacts: the standing robot bounces at 7 Hz for
-# ever. At half of it, which is rapier's substep too, it stands still.
+# The file's own 1 ms is too long for its stiff pads: the standing robot bounces at 7 Hz for ever. At half of it, which
+# is rapier's substep too, it stands still.
 TIMESTEP_S = 0.0005
+# What the file says of the brakes holds here for soles on the floor, ends of travel and drives as well. With MuJoCo's own
+# 20 ms, which it scales with the 0.3 kg of a pad rather than with the robot above, a landing robot sinks in 14 mm and
+# leaves the ground again at half its speed; the pads' springs are to give, and they have 4 mm.
+HARD_SOLREF = (0.002, 1.0)
+HARD_SOLIMP = (0.99, 0.999, 0.001)
 
 
 class Setup(NamedTuple):
@@ -78,7 +83,18 @@ class Plant:
         self.brakes = np.array([model.equality(f"{joint}_brake").id for joint in JOINTS])
         self.qpos = np.array([model.joint(joint).qposadr[0] for joint in JOINTS])
         self.qvel = np.array([model.joint(joint).dofadr[0] for joint in JOINTS])
-        self.gain = model.actuator_gainprm[self.motors, 0].copy()
+        for solref, solimp in [
+            (model.geom_solref, model.geom_solimp),
+            (model.jnt_solref, model.jnt_solimp),
+            (model.dof_solref, model.dof_solimp),
+        ]:
+            solref[:] = HARD_SOLREF
+            solimp[:, :3] = HARD_SOLIMP
+        # The file's velocity actuators switch between plus and minus their limit at every timestep, as none is short
+        # enough for their gain: they are off, and `step` drives the joints.
+        model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0
+        self.speed = model.actuator_ctrlrange[self.motors, 1] * setup.actuator_speed_scale
+        self.force = model.actuator_forcerange[self.motors, 1] * setup.actuator_force_scale
         self.efforts = np.zeros(6)
         self.loads = np.zeros(4)
         self._masses(setup)
@@ -96,8 +112,6 @@ class Plant:
         model.body_inertia *= setup.mass_scale
         model.body_mass[self.trunk] += setup.payload_kg
         model.body_ipos[self.trunk] += setup.com_shift_m
-        model.actuator_ctrlrange *= setup.actuator_speed_scale
-        model.actuator_forcerange *= setup.actuator_force_scale
 
     def _ground(self, setup: Setup) -> None:
         model, (pitch, roll) = self.model, setup.slope_rad
@@ -133,19 +147,25 @@ class Plant:
         for joint in np.flatnonzero(~released & ~held):
             model.eq_data[self.brakes[joint], 0] = data.qpos[self.qpos[joint]]
         data.eq_active[self.brakes] = ~released
-        # A braked actuator is without power: its motor does not help the brake.
-        model.actuator_gainprm[self.motors, 0] = self.gain * released
-        model.actuator_biasprm[self.motors, 2] = -self.gain * released
-        data.ctrl[self.motors] = values[:6]
+        # A released joint is a friction, limited as the motor's force is, that brings it to the commanded speed.
+        model.dof_frictionloss[self.qvel] = self.force * released
+        speeds = np.clip(values[:6], -self.speed, self.speed)[released]
         force = np.array(values[6:9])
         data.xfrc_applied[self.trunk, :3] = force
         data.xfrc_applied[self.trunk, 3:] = np.cross([0.0, 0.0, values[9]], force)
-        forces = np.zeros(data.sensordata.shape)
+        forces, efforts = np.zeros(12), np.zeros(np.count_nonzero(released))
         for _ in range(self.substeps):
-            mujoco.mj_step(model, data)
+            mujoco.mj_step1(model, data)
+            # Frictions come after brakes, in the order of the joints. Their reference acceleration is -b v; that of a
+            # drive is -b (v - speed).
+            drives = slice(data.ne, data.ne + data.nf)
+            data.efc_aref[drives] += data.efc_KBIP[drives, 1] * speeds
+            mujoco.mj_step2(model, data)
             forces += data.sensordata
+            efforts += data.efc_force[drives]
         self.loads = forces.reshape(4, 3) @ self.normal / self.substeps
-        self.efforts = data.actuator_force[self.motors] * released
+        self.efforts = np.zeros(6)
+        self.efforts[released] = efforts / self.substeps
 
     def snapshot(self) -> bytes:
         """35 floats."""

@@ -70,6 +70,12 @@ impl Process {
         Process { command: name.into(), child: None, line, number: 0 }
     }
 
+    /// What the system knows it by.
+    #[cfg(test)]
+    pub(super) fn id(&self) -> Option<u32> {
+        self.child.as_ref().map(Child::id)
+    }
+
     /// Keeps the process for the next episode. Only between two messages, and only if it has answered all of them.
     pub(super) fn rest(self) {
         if self.child.is_some() {
