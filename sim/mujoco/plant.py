@@ -22,9 +22,11 @@ PADS = ["l_heel", "l_toe", "r_heel", "r_toe"]
 # The file's own 1 ms is too long for its stiff pads: the standing robot bounces at 7 Hz for ever. At half of it, which
 # is rapier's substep too, it stands still.
 TIMESTEP_S = 0.0005
-# What the file says of the brakes holds here for soles on the floor, ends of travel and drives as well. With MuJoCo's own
-# 20 ms, which it scales with the 0.3 kg of a pad rather than with the robot above, a landing robot sinks in 14 mm and
-# leaves the ground again at half its speed; the pads' springs are to give, and they have 4 mm.
+# Soles on the floor: MuJoCo's impedance, its shortest time constant, and a landing without rebound. Its damping ratio is
+# that of the pad's 0.3 kg alone; the robot above is a hundred times as heavy and rebounds at half its speed with 1. Chosen
+# by the braked robot alone, dropped and rocking; see docs/sim-to-sim.md.
+SOLE_SOLREF = (2.0 * TIMESTEP_S, 20.0)
+# Ends of travel and drives are as hard as the file has the brakes.
 HARD_SOLREF = (0.002, 1.0)
 HARD_SOLIMP = (0.99, 0.999, 0.001)
 
@@ -83,13 +85,9 @@ class Plant:
         self.brakes = np.array([model.equality(f"{joint}_brake").id for joint in JOINTS])
         self.qpos = np.array([model.joint(joint).qposadr[0] for joint in JOINTS])
         self.qvel = np.array([model.joint(joint).dofadr[0] for joint in JOINTS])
-        for solref, solimp in [
-            (model.geom_solref, model.geom_solimp),
-            (model.jnt_solref, model.jnt_solimp),
-            (model.dof_solref, model.dof_solimp),
-        ]:
-            solref[:] = HARD_SOLREF
-            solimp[:, :3] = HARD_SOLIMP
+        model.geom_solref[:] = SOLE_SOLREF
+        model.jnt_solref[:] = model.dof_solref[:] = HARD_SOLREF
+        model.jnt_solimp[:, :3] = model.dof_solimp[:, :3] = HARD_SOLIMP
         # The file's velocity actuators switch between plus and minus their limit at every timestep, as none is short
         # enough for their gain: they are off, and `step` drives the joints.
         model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0

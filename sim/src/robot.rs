@@ -15,7 +15,7 @@ mod model;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use config::{MAX_SUBSTEP_S, RobotConfig, RobotError};
+pub use config::{Contacts, MAX_SUBSTEP_S, RobotConfig, RobotError};
 pub use geometry::Geometry;
 pub use model::SARAH_MJCF;
 pub(crate) use model::ground_turn;

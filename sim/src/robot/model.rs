@@ -8,7 +8,7 @@ use rapier3d_mjcf::mjcf_rs::model::Model as Mjcf;
 use rapier3d_mjcf::{ContactFilterMode, MjcfJoint, MjcfLoaderOptions, MjcfRobot};
 
 use super::joint::{Link, Motor};
-use super::{Joint, RobotConfig, RobotError};
+use super::{Contacts, Joint, RobotConfig, RobotError};
 
 /// The robot's MJCF description, for tools that load it elsewhere (MuJoCo).
 pub const SARAH_MJCF: &str = include_str!("../../assets/sarah.xml");
@@ -74,6 +74,11 @@ impl Model {
         params.num_solver_iterations = config.solver_iterations;
         params.warmstart_joints = true;
         params.max_ccd_substeps = 0;
+        if config.contacts == Contacts::Exact {
+            params.friction_model = FrictionModel::Coulomb;
+            params.normalized_prediction_distance = 0.002;
+            params.num_internal_pgs_iterations = 4;
+        }
         let handles =
             robot.insert_using_impulse_joints(&mut world.bodies, &mut world.colliders, &mut world.impulse_joints);
 
