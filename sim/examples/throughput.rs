@@ -5,6 +5,7 @@
 
 use std::time::Instant;
 
+use sarah_sim::plant::Plant;
 use sarah_sim::robot::{Health, Robot, RobotConfig, RobotError};
 
 /// Seconds this thread has spent on a core, or wall-clock seconds where the system does not say.

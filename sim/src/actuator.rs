@@ -7,7 +7,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::robot::{Drive, Joint, Robot};
+use crate::plant::Plant;
+use crate::robot::{Drive, Joint};
 
 /// Imperfections of the six actuators. The default has none: brakes act at the next physics step.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -74,10 +75,7 @@ impl Actuators {
     /// Commands `joint`; takes effect through [`Self::apply`]. A speed that is not finite brakes.
     pub fn command(&mut self, joint: Joint, drive: Drive) {
         let i = joint as usize;
-        let drive = match drive {
-            Drive::Velocity(speed) if !speed.is_finite() => Drive::Brake,
-            other => other,
-        };
+        let drive = drive.or_brake();
         if (drive == Drive::Brake) != (self.commands[i] == Drive::Brake) {
             self.held_s[i] = 0.0;
         }
@@ -89,8 +87,8 @@ impl Actuators {
         self.commands
     }
 
-    /// Hands the robot what its actuators do in the coming step. Call once before every [`Robot::step`].
-    pub fn apply(&mut self, robot: &mut Robot) {
+    /// Hands the robot what its actuators do in the coming step. Call once before every [`Plant::step`].
+    pub fn apply(&mut self, robot: &mut dyn Plant) {
         for joint in Joint::ALL {
             robot.drive(joint, self.effective(joint));
             self.held_s[joint as usize] += robot.dt_s();
@@ -117,7 +115,7 @@ impl Actuators {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::RobotConfig;
+    use crate::robot::{Robot, RobotConfig};
 
     fn pair(config: ActuatorConfig) -> (Actuators, Robot) {
         let robot = Robot::new(&RobotConfig { drop_m: 1.0, ..Default::default() }).unwrap();

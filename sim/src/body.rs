@@ -7,6 +7,7 @@ use sarah_protocol::bus::NodeId;
 
 use crate::actuator::Actuators;
 use crate::energy::EnergyMeter;
+use crate::plant::{External, Plant, PlantError};
 use crate::robot::{Drive, Health, Joint, Robot, RobotConfig};
 use crate::scenario::Episode;
 use crate::sensors::{ImuCounts, Sensors};
@@ -15,7 +16,7 @@ use crate::sil::{SilConfig, SilError};
 /// A robot in an episode.
 pub struct Body {
     config: SilConfig,
-    robot: Robot,
+    robot: Box<dyn Plant>,
     actuators: Actuators,
     sensors: Sensors,
     meter: EnergyMeter,
@@ -68,11 +69,11 @@ impl Body {
     }
 
     /// The step that begins at [`Body::next_us`], with the actuators commanded like this; what it leads to is observed
-    /// when it ends, at the next one.
-    pub fn step(&mut self, command: impl Fn(NodeId) -> [Command; 2]) -> Health {
+    /// when it ends, at the next one. Only a plant in another process can fail to take it.
+    pub fn step(&mut self, command: impl Fn(NodeId) -> [Command; 2]) -> Result<Health, PlantError> {
         if self.next_us > self.placed_us {
-            self.sensors.observe(&self.robot);
-            self.meter.observe(&self.robot);
+            self.sensors.observe(&*self.robot);
+            self.meter.observe(&*self.robot);
         }
         let now_s = seconds(self.next_us - self.began_us);
         let acting = self.episode.pushes.iter().map(|push| (push.force_n(now_s), push.height_m));
@@ -86,10 +87,10 @@ impl Body {
                 self.actuators.command(joint, drive);
             }
         }
-        self.actuators.apply(&mut self.robot);
-        self.robot.step();
+        self.actuators.apply(&mut *self.robot);
+        self.robot.step()?;
         self.next_us += self.step_us;
-        self.robot.health()
+        Ok(self.robot.health())
     }
 
     /// What a node's converter reads at `now_us`.
@@ -106,8 +107,8 @@ impl Body {
     }
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.
-    pub fn robot(&self) -> &Robot {
-        &self.robot
+    pub fn robot(&self) -> &dyn Plant {
+        &*self.robot
     }
 
     /// What the robot has drawn so far.
@@ -122,10 +123,14 @@ impl Body {
 }
 
 /// A robot at the start of an episode, and its sensors, which have seen it once.
-fn place(config: &SilConfig, episode: &Episode) -> Result<(Robot, Sensors), SilError> {
-    let robot = Robot::new(&RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() })?;
+fn place(config: &SilConfig, episode: &Episode) -> Result<(Box<dyn Plant>, Sensors), SilError> {
+    let robot = RobotConfig { drop_m: episode.drop_m, ..config.robot.clone() };
+    let robot: Box<dyn Plant> = match &config.plant {
+        None => Box::new(Robot::new(&robot)?),
+        Some(command) => Box::new(External::start(command, &robot)?),
+    };
     let mut sensors = Sensors::new(&config.sensors, episode.seed)?;
-    sensors.observe(&robot);
+    sensors.observe(&*robot);
     Ok((robot, sensors))
 }
 

@@ -28,6 +28,7 @@ use crate::awake::{Awake, ENTRIES, Summary};
 use crate::body::Body;
 use crate::imu::Imu;
 use crate::mirror::{Mirror, Nameless};
+use crate::plant::PlantError;
 use crate::robot::Health;
 use crate::scenario::Episode;
 use crate::sil::{SilConfig, SilError};
@@ -130,6 +131,8 @@ struct Outside {
     can: CanBus,
     imu: Imu,
     health: Health,
+    /// Why the robot's body cannot go on.
+    lost: Option<PlantError>,
     /// Whether time goes on after a fall.
     runs_on: bool,
     next_look_us: u64,
@@ -138,7 +141,7 @@ struct Outside {
 
 impl Outside {
     fn ended(&self) -> bool {
-        self.health != Health::Upright && !self.runs_on
+        self.lost.is_some() || (self.health != Health::Upright && !self.runs_on)
     }
 }
 
@@ -169,8 +172,8 @@ impl Emulated {
         }
         let can = CanBus::of_chips(chips.len());
         let body = Body::new(config, episode)?;
-        let outside =
-            Outside { body, can, imu, health: Health::Upright, runs_on: false, next_look_us: 0, mirror: None };
+        let health = Health::Upright;
+        let outside = Outside { body, can, imu, health, lost: None, runs_on: false, next_look_us: 0, mirror: None };
         let mut emulated = Emulated {
             machine: Machine::new(chips),
             outside,
@@ -290,7 +293,7 @@ impl World for Emulated {
                 mirror.at_tick(id, &self.machine.chips[chip], told(&self.machine.chips, id));
             }
         }
-        Ok(self.outside.health)
+        self.outside.lost.clone().map_or(Ok(self.outside.health), |lost| Err(lost.into()))
     }
 
     fn now_us(&self) -> u64 {
@@ -340,7 +343,10 @@ impl Exchange for Outside {
         }
         let now_us = micros(now);
         if now_us >= self.body.next_us() && !self.ended() {
-            self.health = self.body.step(|id| commands(chips, id));
+            match self.body.step(|id| commands(chips, id)) {
+                Ok(health) => self.health = health,
+                Err(error) => self.lost = Some(error),
+            }
             self.next_look_us = now_us;
         }
         if now_us >= self.next_look_us {

@@ -7,7 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::{Drive, Joint, Robot};
+use crate::plant::Plant;
+use crate::robot::{Drive, Joint};
 
 /// Autonomy the paper reports for mixed activity, h.
 pub const PAPER_MIXED_H: f64 = 5.0;
@@ -117,8 +118,8 @@ impl EnergyMeter {
         Self { config: config.clone(), energy: Energy::default() }
     }
 
-    /// Adds the step the robot has just made. Call once after every [`Robot::step`].
-    pub fn observe(&mut self, robot: &Robot) {
+    /// Adds the step the robot has just made. Call once after every [`Plant::step`].
+    pub fn observe(&mut self, robot: &dyn Plant) {
         let dt_s = f64::from(robot.dt_s());
         for joint in Joint::ALL {
             let work_w = f64::from(robot.effort(joint)) * f64::from(robot.joint(joint).velocity);
@@ -158,7 +159,7 @@ impl EnergyMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::RobotConfig;
+    use crate::robot::{Robot, RobotConfig};
 
     #[test]
     fn actuators_draw_nothing_while_braked() {

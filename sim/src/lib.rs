@@ -10,6 +10,7 @@ pub mod energy;
 pub mod imu;
 pub mod line;
 pub mod mirror;
+pub mod plant;
 pub mod robot;
 pub mod scenario;
 pub mod sensors;

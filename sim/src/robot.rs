@@ -1,7 +1,8 @@
 //! The robot: `assets/sarah.xml` in rapier, driven joint by joint and read like a body with known truth.
 //!
 //! Ten joints, six of them driven ([`Joint`]), four of them the spring-loaded pads under the feet. Everything is SI,
-//! in REP-103 axes (x forward, y left, z up). Drives and pushes take effect at the next [`Robot::step`].
+//! in REP-103 axes (x forward, y left, z up). Drives and pushes take effect at the next [`Robot::step`]. What is above
+//! it knows it as a [`Plant`], for which other simulators can stand in.
 //!
 //! Results are identical byte for byte from run to run and machine to machine; sensors with their errors are
 //! [`crate::sensors`]' business, what an actuator makes of a command is [`crate::actuator`]'s.
@@ -14,10 +15,12 @@ mod model;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub use config::{MAX_SUBSTEP_S, RobotConfig, RobotError, WeakActuator};
+pub use config::{Contacts, MAX_SUBSTEP_S, RobotConfig, RobotError, WeakActuator};
 pub use geometry::Geometry;
 pub use model::SARAH_MJCF;
+pub(crate) use model::ground_turn;
 
+use crate::plant::{Plant, PlantError};
 use model::Model;
 
 /// Trunk height, as a fraction of standing height, below which the robot has fallen (assumption).
@@ -75,6 +78,16 @@ pub enum Drive {
     Brake,
     /// Brake released, speed held: m/s for knees, rad/s for the others. Clamped to the actuator's top speed.
     Velocity(f32),
+}
+
+impl Drive {
+    /// This drive, or the brake if its speed is not finite.
+    pub(crate) fn or_brake(self) -> Self {
+        match self {
+            Self::Velocity(speed) if !speed.is_finite() => Self::Brake,
+            other => other,
+        }
+    }
 }
 
 /// Coordinate and speed of a joint: m and m/s for knees and pads, rad and rad/s for the others.
@@ -152,21 +165,6 @@ impl Robot {
         Ok(robot)
     }
 
-    /// Sets what `joint` does from the next step on. A speed that is not finite brakes.
-    pub fn drive(&mut self, joint: Joint, drive: Drive) {
-        let drive = match drive {
-            Drive::Velocity(speed) if !speed.is_finite() => Drive::Brake,
-            other => other,
-        };
-        let Model { world, links, motors, .. } = &mut self.model;
-        links[joint as usize].apply(world, drive, motors[joint as usize]);
-    }
-
-    /// What `joint` was last told to do.
-    pub fn driven(&self, joint: Joint) -> Drive {
-        self.model.links[joint as usize].drive()
-    }
-
     /// Advances by `dt_s`.
     pub fn step(&mut self) {
         let trunk = &mut self.model.world.bodies[self.model.trunk];
@@ -184,61 +182,9 @@ impl Robot {
         self.steps += 1;
     }
 
-    /// Pushes the trunk with a force in world axes, N, applied `height_m` above its centre of mass, from the next
-    /// step until changed or cleared.
-    pub fn push(&mut self, force_n: [f32; 3], height_m: f32) {
-        self.push = Some((Vector::from_array(force_n), height_m));
-    }
-
-    /// Ends the push.
-    pub fn clear_push(&mut self) {
-        self.push = None;
-    }
-
-    /// Coordinate and speed of `joint`.
-    pub fn joint(&self, joint: Joint) -> JointState {
-        self.model.links[joint as usize].state()
-    }
-
-    /// Force (N) or torque (N·m) the motor of `joint` applied in the last step, in the joint's sign; 0 while braked.
-    pub fn effort(&self, joint: Joint) -> f32 {
-        self.model.links[joint as usize].effort(&self.model.world)
-    }
-
-    /// Contact force of the ground on each pad along its normal, N: left heel, left toe, right heel, right toe.
-    /// This is what a load cell under the pad reads; the pad's spring lags it by 50 ms.
-    pub fn pad_loads_n(&self) -> [f32; 4] {
-        let Model { world, ground, ground_normal, .. } = &self.model;
-        self.model.pad_colliders.map(|pad| {
-            let pair = world.narrow_phase.contact_pair(pad, *ground);
-            pair.map_or(0.0, |pair| pair.total_impulse().dot(*ground_normal).abs() / world.integration_parameters.dt)
-        })
-    }
-
-    /// Travel of each pad into its foot, m, 0 to 0.004, in the order of [`Self::pad_loads_n`].
+    /// Travel of each pad into its foot, m, 0 to 0.004, in the order of [`Plant::pad_loads_n`].
     pub fn pad_travel_m(&self) -> [f32; 4] {
         [0, 1, 2, 3].map(|pad| self.model.pads[pad].state().position)
-    }
-
-    /// Motion of the trunk.
-    pub fn trunk(&self) -> TrunkState {
-        let body = &self.model.world.bodies[self.model.trunk];
-        TrunkState {
-            position_m: body.translation().to_array(),
-            rotation_xyzw: body.rotation().to_array(),
-            velocity_m_s: body.velocity_at_point(body.translation()).to_array(),
-            angular_velocity_rad_s: body.angvel().to_array(),
-        }
-    }
-
-    /// Motion of the IMU.
-    pub fn imu(&self) -> ImuState {
-        let body = &self.model.world.bodies[self.model.trunk];
-        ImuState {
-            velocity_m_s: body.velocity_at_point(*body.position() * self.model.imu_m).to_array(),
-            angular_velocity_rad_s: body.angvel().to_array(),
-            rotation_xyzw: body.rotation().to_array(),
-        }
     }
 
     /// Centre of mass of the whole robot, m.
@@ -255,41 +201,75 @@ impl Robot {
         self.bodies().map(RigidBody::mass).sum()
     }
 
-    /// Gravity, m/s², downward positive.
-    pub fn gravity_m_s2(&self) -> f32 {
-        -self.model.world.gravity.z
-    }
-
-    /// Simulated time since construction, s.
-    pub fn time_s(&self) -> f64 {
-        self.steps as f64 * f64::from(self.dt_s())
-    }
-
-    /// Length of a step, s.
-    pub fn dt_s(&self) -> f32 {
-        self.model.world.integration_parameters.dt
-    }
-
-    /// Height of the trunk's frame above the ground on straight legs, m.
-    pub fn standing_height_m(&self) -> f32 {
-        self.model.standing_height_m
-    }
-
-    /// Height of the trunk's frame above the ground, m, measured vertically.
-    pub fn height_m(&self) -> f32 {
-        let normal = self.model.ground_normal;
-        self.model.world.bodies[self.model.trunk].translation().dot(normal) / normal.z
-    }
-
     /// Angle between the trunk's z axis and the vertical, rad, 0 to π.
     pub fn lean_rad(&self) -> f32 {
-        let up = *self.model.world.bodies[self.model.trunk].rotation() * Vector::Z;
-        // atan2 keeps its accuracy near zero, where acos loses it.
-        up.x.hypot(up.y).atan2(up.z)
+        lean_rad(self.trunk().rotation_xyzw)
     }
 
-    /// Whether the robot stands, has fallen, or the simulation went wrong.
-    pub fn health(&self) -> Health {
+    fn bodies(&self) -> impl Iterator<Item = &RigidBody> {
+        self.model.bodies.iter().map(|handle| &self.model.world.bodies[*handle])
+    }
+}
+
+impl Plant for Robot {
+    fn drive(&mut self, joint: Joint, drive: Drive) {
+        let Model { world, links, motors, .. } = &mut self.model;
+        links[joint as usize].apply(world, drive.or_brake(), motors[joint as usize]);
+    }
+
+    fn driven(&self, joint: Joint) -> Drive {
+        self.model.links[joint as usize].drive()
+    }
+
+    fn push(&mut self, force_n: [f32; 3], height_m: f32) {
+        self.push = Some((Vector::from_array(force_n), height_m));
+    }
+
+    fn clear_push(&mut self) {
+        self.push = None;
+    }
+
+    fn step(&mut self) -> Result<(), PlantError> {
+        Robot::step(self);
+        Ok(())
+    }
+
+    fn joint(&self, joint: Joint) -> JointState {
+        self.model.links[joint as usize].state()
+    }
+
+    fn effort(&self, joint: Joint) -> f32 {
+        self.model.links[joint as usize].effort(&self.model.world)
+    }
+
+    fn pad_loads_n(&self) -> [f32; 4] {
+        let Model { world, ground, ground_normal, .. } = &self.model;
+        self.model.pad_colliders.map(|pad| {
+            let pair = world.narrow_phase.contact_pair(pad, *ground);
+            pair.map_or(0.0, |pair| pair.total_impulse().dot(*ground_normal).abs() / world.integration_parameters.dt)
+        })
+    }
+
+    fn trunk(&self) -> TrunkState {
+        let body = &self.model.world.bodies[self.model.trunk];
+        TrunkState {
+            position_m: body.translation().to_array(),
+            rotation_xyzw: body.rotation().to_array(),
+            velocity_m_s: body.velocity_at_point(body.translation()).to_array(),
+            angular_velocity_rad_s: body.angvel().to_array(),
+        }
+    }
+
+    fn imu(&self) -> ImuState {
+        let body = &self.model.world.bodies[self.model.trunk];
+        ImuState {
+            velocity_m_s: body.velocity_at_point(*body.position() * self.model.imu_m).to_array(),
+            angular_velocity_rad_s: body.angvel().to_array(),
+            rotation_xyzw: body.rotation().to_array(),
+        }
+    }
+
+    fn health(&self) -> Health {
         let finite = |body: &RigidBody| {
             body.translation().is_finite()
                 && body.rotation().is_finite()
@@ -302,19 +282,48 @@ impl Robot {
         }
         let speed_m_s = self.bodies().map(|b| b.linvel().length()).fold(0.0, f32::max);
         let spin_rad_s = self.bodies().map(|b| b.angvel().length()).fold(0.0, f32::max);
-        if speed_m_s > EXPLODED_M_S || spin_rad_s > EXPLODED_RAD_S {
-            return Health::Exploded { speed_m_s, spin_rad_s };
-        }
-        let (height_m, lean_rad) = (self.height_m(), self.lean_rad());
-        if height_m < FALLEN_HEIGHT * self.standing_height_m() || lean_rad > FALLEN_LEAN_RAD {
-            return Health::Fallen { height_m, lean_rad };
-        }
-        Health::Upright
+        verdict(speed_m_s, spin_rad_s, [self.height_m(), self.standing_height_m()], self.lean_rad())
     }
 
-    fn bodies(&self) -> impl Iterator<Item = &RigidBody> {
-        self.model.bodies.iter().map(|handle| &self.model.world.bodies[*handle])
+    fn height_m(&self) -> f32 {
+        let normal = self.model.ground_normal;
+        self.model.world.bodies[self.model.trunk].translation().dot(normal) / normal.z
     }
+
+    fn standing_height_m(&self) -> f32 {
+        self.model.standing_height_m
+    }
+
+    fn gravity_m_s2(&self) -> f32 {
+        -self.model.world.gravity.z
+    }
+
+    fn time_s(&self) -> f64 {
+        self.steps as f64 * f64::from(self.dt_s())
+    }
+
+    fn dt_s(&self) -> f32 {
+        self.model.world.integration_parameters.dt
+    }
+}
+
+/// Angle between the z axis of a trunk turned like this and the vertical, rad, 0 to π.
+pub(crate) fn lean_rad(rotation_xyzw: [f32; 4]) -> f32 {
+    let up = Rotation::from_array(rotation_xyzw) * Vector::Z;
+    // atan2 keeps its accuracy near zero, where acos loses it.
+    up.x.hypot(up.y).atan2(up.z)
+}
+
+/// What a finite state amounts to: the fastest body, the fastest spinning one, the trunk's height now and standing, its
+/// lean.
+pub(crate) fn verdict(speed_m_s: f32, spin_rad_s: f32, [height_m, standing_m]: [f32; 2], lean_rad: f32) -> Health {
+    if speed_m_s > EXPLODED_M_S || spin_rad_s > EXPLODED_RAD_S {
+        return Health::Exploded { speed_m_s, spin_rad_s };
+    }
+    if height_m < FALLEN_HEIGHT * standing_m || lean_rad > FALLEN_LEAN_RAD {
+        return Health::Fallen { height_m, lean_rad };
+    }
+    Health::Upright
 }
 
 #[cfg(test)]

@@ -16,7 +16,8 @@ use rapier3d::math::{Rotation, Vector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::robot::{ImuState, Joint, Robot};
+use crate::plant::Plant;
+use crate::robot::{ImuState, Joint};
 
 /// Standard gravity, m/s², the unit of the accelerometer's scale.
 pub const G0_M_S2: f32 = 9.80665;
@@ -216,7 +217,7 @@ impl Sensors {
     }
 
     /// Measures the robot. Call once before the first step (so that a first frame exists) and after every one.
-    pub fn observe(&mut self, robot: &Robot) {
+    pub fn observe(&mut self, robot: &dyn Plant) {
         let imu = robot.imu();
         self.observe_imu(&imu, robot.dt_s(), robot.gravity_m_s2());
         let mean = self.window_mean();

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!        host bytes                      frames                      drives
-//!  host ◄──────────► coordinator ◄────────bus────────► knee/hip/abductor ──► actuators ──► rapier
+//!  host ◄──────────► coordinator ◄────────bus────────► knee/hip/abductor ──► actuators ──► plant
 //!                        ▲ IMU counts                        ▲ positions, pads                │
 //!                        └──────────────────── sensors ◄────────────────────────────────────── ┘
 //! ```
@@ -30,7 +30,8 @@ use crate::bus::{Bus, Station};
 use crate::chips::{self, Birth};
 use crate::emulated::ImagesError;
 use crate::energy::{EnergyConfig, EnergyError, EnergyMeter};
-use crate::robot::{Health, Robot, RobotConfig, RobotError};
+use crate::plant::{Plant, PlantError};
+use crate::robot::{Health, RobotConfig, RobotError};
 use crate::scenario::Episode;
 use crate::sensors::{SensorConfig, SensorError};
 use crate::tap::{Passing, Socket, Tap};
@@ -48,6 +49,10 @@ pub struct SilConfig {
     /// Folder of the flashed images, to run on emulated chips instead of the library; their rates are their own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub images: Option<PathBuf>,
+    /// Program and arguments, separated by spaces, that simulate the robot's body instead of rapier: see
+    /// `docs/sim-to-sim.md`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant: Option<String>,
     /// The robot.
     pub robot: RobotConfig,
     /// Its sensors.
@@ -65,6 +70,7 @@ impl Default for SilConfig {
             bus_latency_us: 300,
             arm_at_boot: false,
             images: None,
+            plant: None,
             robot: RobotConfig::default(),
             sensors: SensorConfig::default(),
             actuators: ActuatorConfig::default(),
@@ -73,7 +79,7 @@ impl Default for SilConfig {
     }
 }
 
-/// Why a simulation cannot start.
+/// Why a simulation cannot start, or cannot go on.
 #[derive(Debug, Clone, Error)]
 pub enum SilError {
     /// Tick rate.
@@ -94,6 +100,9 @@ pub enum SilError {
     /// What they draw.
     #[error(transparent)]
     Energy(#[from] EnergyError),
+    /// The robot in another process.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
     /// The flashed images.
     #[error(transparent)]
     Images(#[from] ImagesError),
@@ -174,20 +183,20 @@ impl Sil {
     }
 
     /// Runs until `until_us`, or until the robot has fallen or the solver failed.
-    pub fn run_until(&mut self, until_us: u64) -> Health {
+    pub fn run_until(&mut self, until_us: u64) -> Result<Health, SilError> {
         while let Some(at_us) = self.next_event_us().filter(|at| *at < until_us) {
             self.now_us = at_us;
             if at_us == self.body.next_us() {
-                let health = self.step_physics();
+                let health = self.step_physics()?;
                 if health != Health::Upright && !self.runs_on {
-                    return health;
+                    return Ok(health);
                 }
             }
             self.deliver();
             self.tick_chips();
         }
         self.now_us = until_us;
-        if self.runs_on { self.body.robot().health() } else { Health::Upright }
+        Ok(if self.runs_on { self.body.robot().health() } else { Health::Upright })
     }
 
     /// From here on a fall ends nothing.
@@ -200,7 +209,7 @@ impl Sil {
         chips.chain(self.bus.next_due_us()).chain([self.body.next_us()]).min()
     }
 
-    fn step_physics(&mut self) -> Health {
+    fn step_physics(&mut self) -> Result<Health, PlantError> {
         let commands = self.commands;
         self.body.step(|id| joints_of(id).map(|joint| calibration_of(id).command(commands[joint as usize])))
     }
@@ -332,7 +341,7 @@ impl Sil {
     }
 
     /// The truth, for rewards, figures and verdicts; no controller sees it.
-    pub fn robot(&self) -> &Robot {
+    pub fn robot(&self) -> &dyn Plant {
         self.body.robot()
     }
 

@@ -67,7 +67,7 @@ impl<W: World + ?Sized> World for Box<W> {
 
 impl World for Sil {
     fn run_until(&mut self, until_us: u64) -> Result<Health, SilError> {
-        Ok(Sil::run_until(self, until_us))
+        Sil::run_until(self, until_us)
     }
 
     fn now_us(&self) -> u64 {

@@ -133,7 +133,7 @@ impl Bench {
                 self.sil.host_write(&bytes);
             }
         }
-        self.health = self.sil.run_until(now_us + 1000);
+        self.health = self.sil.run_until(now_us + 1000).expect("rapier goes on");
         let bytes = self.sil.host_read();
         if self.plugged {
             let bytes = self.through_the_line(&bytes);

@@ -19,7 +19,7 @@ type Trace = Vec<([Drive; 6], [u32; 7])>;
 fn trace(episode: &Episode) -> Trace {
     let mut sil = Sil::new(&unattended(), default_params(), default_params(), episode).expect("valid");
     let record = |until_us| {
-        sil.run_until(until_us);
+        sil.run_until(until_us).expect("rapier goes on");
         let trunk = sil.robot().trunk();
         let [x, y, z] = trunk.position_m.map(f32::to_bits);
         let [qx, qy, qz, qw] = trunk.rotation_xyzw.map(f32::to_bits);

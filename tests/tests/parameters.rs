@@ -192,7 +192,7 @@ impl ByHand {
     fn new() -> ByHand {
         let sil = Sil::new(&SilConfig::default(), default_params(), default_params(), &episode(1, &[]));
         let mut host = ByHand { sil: sil.expect("valid"), sequence: 0 };
-        host.sil.run_until(500_000);
+        host.sil.run_until(500_000).expect("rapier goes on");
         host.ask(Command::Claim);
         host
     }
@@ -203,7 +203,7 @@ impl ByHand {
         self.sil.host_write(&ToRobot::Command(command).encode(9, self.sequence).expect("fits"));
         self.sil.host_read();
         let until_us = self.sil.now_us() + 100_000;
-        self.sil.run_until(until_us);
+        self.sil.run_until(until_us).expect("rapier goes on");
         let mut deframer: Deframer = Deframer::new();
         let mut states = vec![];
         for byte in self.sil.host_read() {
@@ -260,7 +260,7 @@ fn a_persisted_set_is_the_one_the_robot_wakes_up_with() {
 
     let mut sil =
         Sil::new(&SilConfig::default(), default_params(), stored, &episode(2, &[])).expect("a valid configuration");
-    sil.run_until(1_000_000);
+    sil.run_until(1_000_000).expect("rapier goes on");
     assert_eq!((generations(&sil), sil.coordinator().applied()), ([1; 3], (1, &set)));
     assert_eq!(sil.coordinator().mode(), Mode::Braked);
 }
@@ -273,7 +273,7 @@ fn an_arming_of_another_boot_is_refused() {
     assert_eq!(answers, [AckState::Refused(Refusal::Rebooted { current })]);
     assert_eq!(host.sil.coordinator().mode(), Mode::Braked);
     assert!(host.sil.commands().iter().all(|command| *command == Drive::Brake));
-    host.sil.run_until(1_500_000);
+    host.sil.run_until(1_500_000).expect("rapier goes on");
     assert_eq!(host.ask(Command::Arm { boot_nonce: current }), [AckState::Received]);
     assert_eq!(host.sil.coordinator().mode(), Mode::Armed);
 }

@@ -86,7 +86,7 @@ fn the_stand_scenario_takes_no_step_with_all_sensor_errors_on() {
     for seed in 0..3 {
         let episode = scenario.episode(seed, 0);
         let mut sil = Sil::new(&unattended(), default_params(), default_params(), &episode).expect("valid");
-        let health = sil.run_until((episode.duration_s * 1e6) as u64);
+        let health = sil.run_until((episode.duration_s * 1e6) as u64).expect("rapier goes on");
         assert_eq!((health, knee(&sil).lpg().steps()), (Health::Upright, 0), "seed {seed}");
         assert_eq!(sil.coordinator().mode(), Mode::Armed);
     }

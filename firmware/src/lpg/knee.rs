@@ -175,6 +175,7 @@ impl Knee {
             self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
             if self.calm_us >= self.rules.calm_us && self.displaced == [false; 2] {
                 self.patience_us = self.rules.calm_us;
+                self.recovering = false;
             }
             let start = if inputs.may_start { self.start(loaded, inputs) } else { None };
             let Some((swing, kind)) = start else {

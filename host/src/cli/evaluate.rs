@@ -66,6 +66,10 @@ pub(super) struct EvaluateArgs {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+    /// Simulate the robot's body with this program instead of rapier, such as "python3 sim/mujoco/plant.py"; see
+    /// docs/sim-to-sim.md.
+    #[arg(long, value_name = "COMMAND")]
+    plant: Option<String>,
     #[command(flatten)]
     link: LinkArgs,
 }
@@ -89,7 +93,13 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), CliError> {
     };
     let scenario = Scenario::load(&args.scenario)?.with(&overrides)?;
     let sensors = if args.perfect_sensors { SensorConfig::perfect() } else { SensorConfig::default() };
-    let config = SilConfig { lpg_rate_hz: args.lpg_rate, sensors, images: args.link.images(), ..SilConfig::default() };
+    let config = SilConfig {
+        lpg_rate_hz: args.lpg_rate,
+        sensors,
+        images: args.link.images(),
+        plant: args.plant.clone(),
+        ..SilConfig::default()
+    };
     let count = scenario.episodes().unwrap_or(args.episodes);
     let progress = Progress::new(count);
     let audited = parallel(count as usize, |index| {

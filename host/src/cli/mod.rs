@@ -55,7 +55,8 @@ enum Verb {
         sarah evaluate --controller braked --scenario push-grid --impulse 24\n  \
         sarah evaluate --params runs/train-1/params.toml --scenario push-grid --impulse 18 --directions 24 \
         --repeats 4 --seed 7 --json\n  \
-        sarah evaluate --impulse 24 --push-duration 0.3 --push-height 0.2   a long push at the chest")]
+        sarah evaluate --impulse 24 --push-duration 0.3 --push-height 0.2   a long push at the chest\n  \
+        sarah evaluate --plant sim/mujoco/plant.py --scenario push-grid   MuJoCo instead of rapier")]
     Evaluate(evaluate::EvaluateArgs),
     /// Show, compare and change parameter sets: of files, of runs, of a robot, of the firmware.
     #[command(after_help = "Examples:\n  sarah params show runs/train-1\n  \

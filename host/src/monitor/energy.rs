@@ -113,7 +113,7 @@ mod tests {
             let mut estimate = Estimate::default();
             for tick in 1..=(f64::from(episode.duration_s) * 100.0) as u64 {
                 // What lies on the ground is no robot to fit.
-                if sil.run_until(tick * 10_000) != Health::Upright {
+                if sil.run_until(tick * 10_000).unwrap() != Health::Upright {
                     break;
                 }
                 estimate.push(0.01, &sil.coordinator().telemetry());

@@ -6,7 +6,8 @@ use sarah_firmware::default_params;
 use sarah_protocol::host::{Command, Refusal, Which};
 use sarah_protocol::session::{HostSession, News};
 use sarah_sim::emulated::{Emulated, Images};
-use sarah_sim::robot::{Health, Robot};
+use sarah_sim::plant::Plant;
+use sarah_sim::robot::Health;
 use sarah_sim::scenario::Episode;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_sim::world::World;
@@ -151,7 +152,7 @@ impl Host {
     }
 }
 
-fn pose_of(robot: &Robot) -> Pose {
+fn pose_of(robot: &dyn Plant) -> Pose {
     let trunk = robot.trunk();
     Pose { position_m: trunk.position_m.map(f64::from), turn_xyzw: trunk.rotation_xyzw.map(f64::from) }
 }

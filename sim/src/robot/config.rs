@@ -9,6 +9,17 @@ use super::Joint;
 /// joints soften and it falls a third earlier).
 pub const MAX_SUBSTEP_S: f32 = 0.0005;
 
+/// How rapier solves contacts. The firmware's parameters were found with [`Contacts::Fast`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Contacts {
+    /// Rapier's own way: one friction for each pad as a whole, contacts from 20 mm before they touch, one iteration.
+    #[default]
+    Fast,
+    /// Closer to Coulomb's law, and to MuJoCo: friction at each corner, contacts from 2 mm on, four iterations.
+    Exact,
+}
+
 /// Variations of the robot described by `assets/sarah.xml`. The default is that robot, unchanged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -17,6 +28,8 @@ pub struct RobotConfig {
     pub dt_s: f32,
     /// Solver iterations a step; `dt_s / solver_iterations` must not exceed [`MAX_SUBSTEP_S`].
     pub solver_iterations: usize,
+    /// How contacts are solved.
+    pub contacts: Contacts,
     /// Height of the soles above the ground at the start, m, 0 to 1. The paper drops the robot from 0.10 m.
     pub drop_m: f32,
     /// Point mass fixed at the trunk's centre of mass, kg, 0 to 40.
@@ -62,6 +75,7 @@ impl Default for RobotConfig {
         Self {
             dt_s: 0.002,
             solver_iterations: 4,
+            contacts: Contacts::default(),
             drop_m: 0.0,
             payload_kg: 0.0,
             com_shift_m: [0.0; 3],

@@ -35,6 +35,8 @@ pub struct Geometry {
     pub imu_m: [f32; 3],
     /// Height of the trunk's frame above the ground on straight legs, m.
     pub standing_m: f32,
+    /// Gravity, m/s², downward positive.
+    pub gravity_m_s2: f32,
 }
 
 impl Geometry {
@@ -51,6 +53,7 @@ impl Geometry {
             ],
             imu_m: site(&mjcf, "imu")?.to_array(),
             standing_m: trunk.at_m[2] as f32,
+            gravity_m_s2: -mjcf.option.gravity[2] as f32,
         })
     }
 

@@ -8,7 +8,7 @@ use rapier3d_mjcf::mjcf_rs::model::Model as Mjcf;
 use rapier3d_mjcf::{ContactFilterMode, MjcfJoint, MjcfLoaderOptions, MjcfRobot};
 
 use super::joint::{Link, Motor};
-use super::{Joint, RobotConfig, RobotError};
+use super::{Contacts, Joint, RobotConfig, RobotError};
 
 /// The robot's MJCF description, for tools that load it elsewhere (MuJoCo).
 pub const SARAH_MJCF: &str = include_str!("../../assets/sarah.xml");
@@ -74,6 +74,11 @@ impl Model {
         params.num_solver_iterations = config.solver_iterations;
         params.warmstart_joints = true;
         params.max_ccd_substeps = 0;
+        if config.contacts == Contacts::Exact {
+            params.friction_model = FrictionModel::Coulomb;
+            params.normalized_prediction_distance = 0.002;
+            params.num_internal_pgs_iterations = 4;
+        }
         let handles =
             robot.insert_using_impulse_joints(&mut world.bodies, &mut world.colliders, &mut world.impulse_joints);
 
@@ -152,8 +157,7 @@ impl Model {
     /// Tilts the ground about the origin, sets its friction, and lifts the robot until its lowest sole corner is
     /// `drop_m` above it.
     fn set_ground(&mut self, config: &RobotConfig) {
-        let tilt = Rotation::from_axis_angle(Vector::Y, config.slope_pitch_rad)
-            * Rotation::from_axis_angle(Vector::X, config.slope_roll_rad);
+        let tilt = ground_turn(config);
         self.ground_normal = tilt * Vector::Z;
         if let Some(ground) = self.world.colliders.get(self.ground).and_then(Collider::parent) {
             self.world.bodies[ground].set_rotation(tilt, false);
@@ -186,6 +190,12 @@ impl Model {
             body.set_translation(raised, false);
         }
     }
+}
+
+/// How the ground of `config` is turned.
+pub(crate) fn ground_turn(config: &RobotConfig) -> Rotation {
+    Rotation::from_axis_angle(Vector::Y, config.slope_pitch_rad)
+        * Rotation::from_axis_angle(Vector::X, config.slope_roll_rad)
 }
 
 fn find_collider(

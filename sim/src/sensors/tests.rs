@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{Drive, RobotConfig};
+use crate::robot::{Drive, Robot, RobotConfig};
 
 fn standing() -> Robot {
     let mut robot = Robot::new(&RobotConfig { drop_m: 0.005, ..Default::default() }).unwrap();

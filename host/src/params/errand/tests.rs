@@ -146,7 +146,7 @@ fn run_on(sil: &mut Sil, client: &mut Client, errand: &mut Errand) -> Result<(),
         while let Some(bytes) = client.poll(sil.now_us()) {
             sil.host_write(&bytes);
         }
-        sil.run_until(sil.now_us() + 10_000);
+        sil.run_until(sil.now_us() + 10_000).unwrap();
         let (now_us, bytes, mut news) = (sil.now_us(), sil.host_read(), vec![]);
         client.on_bytes(now_us, &bytes, &mut news);
         for news in news {
