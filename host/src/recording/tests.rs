@@ -286,7 +286,7 @@ fn on_a_port(mut near: TTYPort, stop: Arc<AtomicBool>) {
             let count = near.read(&mut bytes).unwrap_or(0);
             robot.host_write(&bytes[..count]);
         }
-        robot.run_until(began.elapsed().as_micros() as u64);
+        robot.run_until(began.elapsed().as_micros() as u64).unwrap();
         match near.write_all(&robot.host_read()) {
             // Nobody reads fast enough: a serial line loses it.
             Err(error) if error.kind() == ErrorKind::TimedOut => {}
