@@ -247,7 +247,9 @@ fn condition(own: &ConditionFile, seed: u64) -> Result<Condition, StudyError> {
     }
     let episode = scenario.episode(JUDGE_SEED + seed, 0);
     for robot in corners(&robot, &own.draw).map_err(wrong)?.iter().chain([&robot]) {
-        SimRobot::start(robot, &episode).map_err(|error| wrong(error.to_string()))?;
+        // Another simulator is asked when its turn comes: a study can be read where it is not installed.
+        let here = SilConfig { plant: None, ..robot.clone() };
+        SimRobot::start(&here, &episode).map_err(|error| wrong(error.to_string()))?;
     }
     Ok(Condition { name: own.name.clone(), impulses_n_s, episodes, scenario, robot, draw: own.draw.clone() })
 }

@@ -250,7 +250,8 @@ fn a_silent_plant_is_given_up_in_bounded_time() {
 
 #[test]
 fn what_is_no_reply_is_told_as_what_it_is() {
-    let cases: [(&str, fn(u16) -> Vec<u8>); 5] = [
+    type Reply = fn(u16) -> Vec<u8>;
+    let cases: [(&str, Reply); 5] = [
         ("bytes that are no frame", |_| b"loading model...\n\0".to_vec()),
         ("CRC-32 mismatch", |number| {
             let mut bytes = encode(number, &FromPlant::Done(snapshot(&Robot::new(&RobotConfig::default()).unwrap())));
