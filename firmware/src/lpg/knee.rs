@@ -185,7 +185,7 @@ impl Knee {
                 }
                 return out;
             };
-            self.begin(swing, kind == GaitEvent::Recovery, inputs.fall);
+            self.begin(swing, kind == GaitEvent::Recovery, inputs);
             raise(&mut out, kind);
         }
         let leg = self.swing as usize;
@@ -194,9 +194,13 @@ impl Knee {
     }
 
     /// A cycle begins.
-    fn begin(&mut self, swing: Side, recovers: bool, fall: &Fall) {
+    fn begin(&mut self, swing: Side, recovers: bool, inputs: &KneeInputs) {
         self.swing = swing;
-        self.step = if recovers { self.rules.recovery_step } else { fall.step };
+        self.step = match recovers {
+            // From where the leg is: a short leg that is not lifted would push the robot up.
+            true => self.rules.recovery_step - inputs.position[swing as usize].min(Q16::ZERO),
+            false => inputs.fall.step,
+        };
         self.kick_height = self.rules.kick_fraction.times(self.step);
         self.displaced[swing as usize] = !recovers;
         // A recovery that upsets the robot so that it steps again must not become a habit.
@@ -245,7 +249,7 @@ impl Knee {
             self.enter(Phase::Extend);
         }
         let landed = grounded && self.lifted;
-        let speed = if landed { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
+        let speed = if grounded { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
         let late = self.passed(self.rules.stroke_us, inputs.dt_us);
         self.flags(grounded, true, out);
         let goal = if self.reaches(grounded, inputs.fall) { self.rules.reach } else { Q16::ZERO };
