@@ -8,7 +8,7 @@ use crate::bench::{Bench, wait};
 
 /// Episodes of three decisions, one push in each.
 const SCENARIO: &str = "duration_s = 4.0\ndrop_m = 0.02\nsettle_s = 1.0\n\
-    [pushes.random]\nfirst_s = [1.2, 1.5]\ngap_s = [9.0, 10.0]\nimpulse_n_s = [6.0, 10.0]\n";
+    [pushes.random]\nfirst_s = [1.2, 1.5]\ngap_s = [9.0, 10.0]\nimpulse_n_s = [2.0, 4.0]\n";
 
 pub fn sarah(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarah"));
