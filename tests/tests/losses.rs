@@ -41,7 +41,7 @@ fn arms_again(bench: &mut Bench) {
 #[test]
 fn a_silent_host_leaves_the_robot_balancing_then_on_its_stored_set() {
     // Pushed while the set is stale, and as the stored one is due.
-    let pushes = [push(8.0, 12.0, 0.0), push(12.8, 12.0, 90.0)];
+    let pushes = [push(8.0, 18.0, 0.0), push(12.8, 18.0, 90.0)];
     let mut bench = Bench::armed(&SilConfig::default(), &episode(9, &pushes));
     let set = near_default(0.01);
     let generation = bench.session.apply(&set).expect("nothing under way");
@@ -117,7 +117,7 @@ fn without_its_coordinator_a_swing_leg_brakes_where_it_is_while_the_knee_still_m
     let mut values = *default_params().values();
     values[Lpg::Hip.range().end - 1] = 0.5;
     let set = ParamSet::new(values).expect("in range");
-    let mut bench = Bench::with_set(&unattended(), set, &episode(5, &[push(1.5, 15.0, 0.0)]));
+    let mut bench = Bench::with_set(&unattended(), set, &episode(5, &[push(1.5, 20.0, 0.0)]));
     let moving = |bench: &Bench, id| joints_of(id).iter().any(|j| bench.sil.commands()[*j as usize] != Drive::Brake);
     bench.wait(3000, |bench| moving(bench, NodeId::Hip)).expect("the push makes it step");
     bench.sil.unplug(Station::Coordinator, true);

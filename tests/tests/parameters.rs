@@ -83,7 +83,7 @@ fn speeds_are_of(bench: &Bench, set: &ParamSet) {
 fn parameters_never_change_inside_a_cycle_and_all_nodes_change_in_the_same_one() {
     let (mut cycles, mut generations_walked, mut sets) = (0, 0, 0);
     for seed in 21..24 {
-        let mut bench = Bench::armed(&SilConfig::default(), &episode(seed, &pushes(12.0)));
+        let mut bench = Bench::armed(&SilConfig::default(), &episode(seed, &pushes(18.0)));
         let mut sent = Sent::new();
         let mut running: Option<(u32, u32)> = None;
         let mut walked = HashSet::new();

@@ -61,7 +61,7 @@ fn over_a_bad_line_every_set_arrives_whole_and_takes_force_once() {
 #[test]
 fn a_host_gone_for_20_s_leaves_the_robot_balancing_then_on_its_stored_set() {
     // Pushed while the set is stale, and as the stored one is due.
-    let mut rig = Rig::armed(&[push(8.0, 12.0, 0.0), push(11.9, 12.0, 90.0)]);
+    let mut rig = Rig::armed(&[push(8.0, 18.0, 0.0), push(11.9, 18.0, 90.0)]);
     let set = near_default(0.01);
     let generation = rig.apply(&set);
     rig.run_until_ms(2000);

@@ -37,7 +37,7 @@ pub fn push(at_s: f32, impulse_n_s: f32, direction_deg: f32) -> Push {
 
 /// The push that makes [`Rig::mid_step`] step.
 pub fn step_push() -> Push {
-    push(STEP_PUSH_S, 15.0, 0.0)
+    push(STEP_PUSH_S, 17.0, 0.0)
 }
 
 /// The default set with every value moved by `share` of its range, towards the inside where it would leave it.
