@@ -171,11 +171,10 @@ impl Knee {
         let loaded = [left > self.rules.loaded_n, right > self.rules.loaded_n];
 
         if self.phase == Phase::Idle {
-            let calm = inputs.may_start && loaded == [true; 2] && inputs.fall.calm;
-            self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
-            if self.calm_us >= self.rules.calm_us && self.displaced == [false; 2] {
-                self.patience_us = self.rules.calm_us;
-                self.recovering = false;
+            // Only a robot with legs to bring back has to know for how long it has been calm.
+            if self.displaced[0] | self.displaced[1] {
+                let calm = inputs.fall.calm & inputs.may_start & loaded[0] & loaded[1];
+                self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
             }
             let start = if inputs.may_start { self.start(loaded, inputs) } else { None };
             let Some((swing, kind)) = start else {
@@ -202,12 +201,15 @@ impl Knee {
             false => inputs.fall.step,
         };
         self.kick_height = self.rules.kick_fraction.times(self.step);
-        self.displaced[swing as usize] = !recovers;
         // A recovery that upsets the robot so that it steps again must not become a habit.
         if self.recovering && !recovers {
-            self.patience_us = self.patience_us.saturating_mul(2).min(self.rules.patience_us);
+            self.patience_us = match self.phase_us < self.rules.calm_us || self.displaced != [false; 2] {
+                true => self.patience_us.saturating_mul(2).min(self.rules.patience_us),
+                false => self.rules.calm_us,
+            };
         }
         self.recovering = recovers;
+        self.displaced[swing as usize] = !recovers;
         self.lifted = false;
         self.airborne = false;
         // A recovery tidies up; it is no step.
