@@ -29,7 +29,9 @@ mod view;
 pub mod words;
 
 use std::io::{self, IsTerminal, Write};
+use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
@@ -91,30 +93,54 @@ pub fn run(target: &Target, role: Role) -> Result<(), MonitorError> {
 }
 
 /// The terminal, given back on every way out; after a panic the hook of `try_init` gives it back before the message.
-struct Screen(DefaultTerminal);
+///
+/// Its own farewell, a cursor that is shown again, panics where the terminal has been closed: that is done here.
+struct Screen(ManuallyDrop<DefaultTerminal>);
 
 impl Screen {
     fn open() -> io::Result<Screen> {
-        ratatui::try_init().map(Screen)
+        ratatui::try_init().map(|terminal| Screen(ManuallyDrop::new(terminal)))
     }
 }
 
 impl Drop for Screen {
     fn drop(&mut self) {
         // Nothing can be done about a terminal that does not let itself be restored.
+        let _ = self.0.show_cursor();
         let _ = ratatui::try_restore();
     }
 }
 
+/// What is typed, from a thread of its own: where the terminal is closed, waiting for a key may never come back.
+fn keyboard() -> Receiver<io::Result<Event>> {
+    let (typed, events) = channel();
+    std::thread::spawn(move || {
+        loop {
+            let event = event::read();
+            let last = event.is_err();
+            if typed.send(event).is_err() || last {
+                return;
+            }
+        }
+    });
+    events
+}
+
 fn show(terminal: &mut DefaultTerminal, link: &Link, role: Role, stop: &AtomicBool) -> io::Result<()> {
     let mut dashboard = Dashboard::new(role);
+    let events = keyboard();
     while !dashboard.quits() && !stop.load(Ordering::Relaxed) {
         hear(&mut dashboard, link);
         terminal.draw(|frame| dashboard.view(frame, link.now_us()))?;
         // The wait is for keys, so that a stop does not wait for the next picture.
         let next = Instant::now() + PICTURE;
-        while !dashboard.quits() && event::poll(next.saturating_duration_since(Instant::now()))? {
-            if let Event::Key(key) = event::read()?
+        while !dashboard.quits() {
+            let event = match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
+                Ok(event) => event?,
+                Err(RecvTimeoutError::Timeout) => break,
+                Err(RecvTimeoutError::Disconnected) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            };
+            if let Event::Key(key) = event
                 && let Some(act) = keys(key)
                 && let Some(ask) = dashboard.act(act, link.now_us())
             {

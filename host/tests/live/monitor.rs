@@ -1,5 +1,7 @@
 //! The dashboard on a terminal: however it ends, the terminal is as it was.
 
+use std::time::{Duration, Instant};
+
 use crate::bench::Bench;
 use crate::training::sarah;
 use crate::tty::{Tty, signal};
@@ -31,5 +33,35 @@ fn the_monitor_gives_the_terminal_back_when_it_is_told_to_end_as_when_it_is_quit
         let after = shown.rsplit(OTHER_SCREEN).next().unwrap_or_default();
         assert!(after.contains(OWN_SCREEN) && after.contains(SHOW_CURSOR), "{way}: {shown:?}");
         assert!(shown.trim_end().ends_with("10 s from now."), "{way}: {shown:?}");
+    }
+}
+
+#[test]
+fn the_monitor_ends_with_its_terminal_and_leaves_the_robot_to_others() {
+    let bench = Bench::new();
+    for hung_up in [true, false] {
+        let mut tty = Tty::new();
+        let mut child = tty.start(&mut sarah(&["monitor", "--link", &bench.target()]));
+        tty.wait("Factor");
+        drop(tty);
+        // Of its own terminal's end a process is told; of another's it only notices.
+        if hung_up {
+            signal(&child, "HUP");
+        }
+        let began = Instant::now();
+        let status = loop {
+            if let Some(status) = child.try_wait().expect("waits") {
+                break status;
+            }
+            if began.elapsed() > Duration::from_secs(10) {
+                child.kill().expect("kills");
+                panic!("it goes on without a terminal, told {hung_up}");
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        // In order, and neither by a signal nor by a panic: told, with success; else with the terminal's error.
+        assert!(matches!(status.code(), Some(0 | 1)), "told {hung_up}: {status}");
+        let get = sarah(&["params", "get", "P1", "--link", &bench.target()]).output().expect("ends");
+        assert!(get.status.success(), "{}", String::from_utf8_lossy(&get.stderr));
     }
 }
