@@ -59,7 +59,9 @@ const REST_US: u32 = 100_000;
 const LEARN_AFTER_US: u32 = 300_000;
 const LEARNING: TimeConstant = TimeConstant::us(500_000);
 /// The largest bias, 0.1 rad/s, in counts · 2¹⁶: parts of this kind keep to a fifth of it.
-const BIAS_MAX: i64 = (0.1 / RADIANS_PER_COUNT * 65536.0) as i64;
+const BIAS_MAX: i32 = (0.1 / RADIANS_PER_COUNT * 65536.0) as i32;
+/// The most that one sample may be off, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32 bits.
+const OFF_MAX: i32 = 1 << 23;
 /// Of the slow rate.
 const LOW_PASS: TimeConstant = TimeConstant::us(21_200);
 
@@ -82,6 +84,8 @@ pub struct Attitude {
     rest_us: u32,
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
     slow: [i64; 2],
+    /// Of that low-pass, with the interval it holds for, µs: a steady clock asks for the same one again and again.
+    gain: (u32, i32),
     /// Time since the first sample, µs; stops at [`FAST_FOR_US`].
     age_us: u32,
     started: bool,
@@ -96,7 +100,16 @@ impl Default for Attitude {
 impl Attitude {
     /// Upright until the first samples say otherwise.
     pub const fn new() -> Self {
-        Attitude { up: [0, 0, ONE], gyro: [0; 3], bias: [0; 3], rest_us: 0, slow: [0; 2], age_us: 0, started: false }
+        Attitude {
+            up: [0, 0, ONE],
+            gyro: [0; 3],
+            bias: [0; 3],
+            rest_us: 0,
+            slow: [0; 2],
+            gain: (0, 0),
+            age_us: 0,
+            started: false,
+        }
     }
 
     /// Whether the first 0.3 s of fast convergence are over.
@@ -150,7 +163,10 @@ impl Attitude {
 
         let [wx, wy, _] = gyro;
         let rate = [rate(wy), -rate(wx)];
-        let gain = low_pass_gain(dt_us);
+        if self.gain.0 != dt_us {
+            self.gain = (dt_us, low_pass_gain(dt_us));
+        }
+        let (_, gain) = self.gain;
         for (slow, rate) in self.slow.iter_mut().zip(rate) {
             // Both are rates: 38 bits, of which 23 are left.
             *slow += wide((((i64::from(rate.0) << 16) - *slow) >> 15) as i32, gain) >> 15;
@@ -175,10 +191,11 @@ impl Attitude {
     }
 
     fn learn(&mut self, dt_us: u32, gyro: [i16; 3]) {
-        let gain = LEARNING.share(dt_us);
+        // Q16: at most 2622.
+        let gain = LEARNING.share(dt_us) >> 14;
         for (bias, gyro) in self.bias.iter_mut().zip(gyro) {
-            let error = (i64::from(gyro) << 16) - i64::from(*bias);
-            *bias = (i64::from(*bias) + (times(error, gain) >> 30)).clamp(-BIAS_MAX, BIAS_MAX) as i32;
+            let off = (i32::from(gyro) << 16).saturating_sub(*bias).clamp(-OFF_MAX, OFF_MAX);
+            *bias = (*bias + (((off >> 8) * gain) >> 8)).clamp(-BIAS_MAX, BIAS_MAX);
         }
     }
 

@@ -42,13 +42,14 @@ class Setup(NamedTuple):
     mass_scale: float
     friction: float
     slope_rad: tuple[float, float]
-    actuator_speed_scale: float
-    actuator_force_scale: float
+    speed_scales: tuple[float, ...]
+    force_scales: tuple[float, ...]
 
     @staticmethod
     def read(body: bytes) -> "Setup":
-        model, dt, drop, payload, x, y, z, mass, friction, pitch, roll, speed, force = struct.unpack("<4s12f", body)
-        return Setup(model, dt, drop, payload, (x, y, z), mass, friction, (pitch, roll), speed, force)
+        model, dt, drop, payload, x, y, z, mass, friction, pitch, roll, *scales = struct.unpack("<4s22f", body)
+        speeds, forces = tuple(scales[:6]), tuple(scales[6:])
+        return Setup(model, dt, drop, payload, (x, y, z), mass, friction, (pitch, roll), speeds, forces)
 
 
 class Refused(Exception):
@@ -91,8 +92,8 @@ class Plant:
         # The file's velocity actuators switch between plus and minus their limit at every timestep, as none is short
         # enough for their gain: they are off, and `step` drives the joints.
         model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0
-        self.speed = model.actuator_ctrlrange[self.motors, 1] * setup.actuator_speed_scale
-        self.force = model.actuator_forcerange[self.motors, 1] * setup.actuator_force_scale
+        self.speed = model.actuator_ctrlrange[self.motors, 1] * setup.speed_scales
+        self.force = model.actuator_forcerange[self.motors, 1] * setup.force_scales
         self.efforts = np.zeros(6)
         self.loads = np.zeros(4)
         self._masses(setup)

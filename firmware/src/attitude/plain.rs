@@ -4,7 +4,7 @@ use sarah_protocol::bus::{Mode, Motion};
 use sarah_protocol::fixed::Q16;
 
 use super::{
-    BIAS_MAX, FAST_FOR_US, GATE, ImuSample, LEARN_AFTER_US, MAX_STEP_US, REST_GATE, REST_GYRO, REST_US, square,
+    BIAS_MAX, FAST_FOR_US, GATE, ImuSample, LEARN_AFTER_US, MAX_STEP_US, OFF_MAX, REST_GATE, REST_GYRO, REST_US, square,
 };
 
 const ONE: i64 = 1 << 30;
@@ -46,10 +46,10 @@ impl Plain {
         let dt_us = dt_us.min(MAX_STEP_US);
         // The first sample has no interval behind it: it can only tell where gravity is.
         if self.rest_us >= u64::from(LEARN_AFTER_US) {
-            let gain = i64::from(dt_us) * ONE / LEARNING_US;
+            let gain = (i64::from(dt_us) * ONE / LEARNING_US) >> 14;
             for (bias, gyro) in self.bias.iter_mut().zip(sample.gyro) {
-                *bias += (((i64::from(gyro) << 16) - *bias) * gain) >> 30;
-                *bias = (*bias).clamp(-BIAS_MAX, BIAS_MAX);
+                let off = ((i64::from(gyro) << 16) - *bias).clamp(-i64::from(OFF_MAX), OFF_MAX.into());
+                *bias = (*bias + (((off >> 8) * gain) >> 8)).clamp(-i64::from(BIAS_MAX), BIAS_MAX.into());
             }
         }
         let mut gyro = sample.gyro;

@@ -232,9 +232,20 @@ fn samples() -> impl Strategy<Value = Vec<([i16; 3], [i16; 3], u32)>> {
     proptest::collection::vec((accel, gyro, dt_us), 1..200)
 }
 
+/// Noise about a bias, for a third of a second and more, and then anything.
+fn rest() -> impl Strategy<Value = Vec<([i16; 3], [i16; 3], u32)>> {
+    let sample = |bias: i16| {
+        let accel = proptest::array::uniform3(-20..20_i16).prop_map(|[x, y, z]| [x, y, 2048 + z]);
+        let gyro = proptest::array::uniform3(bias - 15..bias + 15);
+        (accel, gyro, 900_u32..1_100)
+    };
+    let quiet = (-50..50_i16).prop_flat_map(move |bias| proptest::collection::vec(sample(bias), 300..600));
+    (quiet, samples()).prop_map(|(quiet, wild)| [quiet, wild].concat())
+}
+
 proptest! {
     #[test]
-    fn quick_arithmetic_changes_no_bit(samples in samples()) {
+    fn quick_arithmetic_changes_no_bit(samples in prop_oneof![samples(), rest()]) {
         let (mut filter, mut plain) = (Attitude::new(), Plain::new());
         for (accel, gyro, dt_us) in samples {
             let sample = ImuSample { accel, gyro };

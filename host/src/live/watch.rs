@@ -3,7 +3,7 @@
 use sarah_protocol::bus::Mode;
 use sarah_protocol::telemetry::{Telemetry, faults};
 
-use crate::task::observation::{loads_n, rate_rad_s};
+use crate::task::observation::loads_n;
 use crate::task::odometry::Estimate;
 use crate::task::pose_source::{PoseError, PoseSource};
 
@@ -36,8 +36,7 @@ impl Watch {
             self.unsettle();
         }
         let estimate = self.source.saw(at_us as f64 * 1e-6, frame);
-        // Not odometry's rotation: set on its feet by somebody, the robot is where odometry could not follow.
-        let still = turning_rad_s(frame) < STILL_RAD_S && frame.phases[0] == 0 && stands(frame);
+        let still = estimate.pose.rotation_rad_s < STILL_RAD_S && frame.phases[0] == 0 && stands(frame);
         match still {
             true => _ = self.still_since_us.get_or_insert(at_us),
             false => self.still_since_us = None,
@@ -95,15 +94,6 @@ impl Watch {
     pub fn stopped(&self) -> bool {
         self.telemetry().is_some_and(|frame| frame.faults & faults::E_STOP != 0)
     }
-}
-
-/// How fast the trunk turns, by the gyro without the bias that the robot has found.
-fn turning_rad_s(frame: &Telemetry) -> f32 {
-    let mut unbiased = *frame;
-    for (axis, bias) in unbiased.gyro.iter_mut().zip(frame.gyro_bias) {
-        *axis = axis.saturating_sub(bias);
-    }
-    rate_rad_s(&unbiased).iter().map(|rate| rate * rate).sum::<f32>().sqrt()
 }
 
 /// Upright on both feet, as the robot itself sees it.

@@ -1,4 +1,5 @@
-//! Records a robot on a serial port, until told to stop, in as many parts as it takes. It only listens, unless another telemetry rate is asked for.
+//! Records a robot on a serial port, until told to stop, in as many parts as it takes. It only listens, unless another
+//! telemetry rate is asked for.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -84,8 +85,7 @@ impl Listening {
         let Some(robot) = link.health().robot else { return Ok(()) };
         let connected = Heard { at_us: link.now_us(), what: What::News(News::Connected(robot)) };
         parts.recorder().hear(&connected, None)?;
-        link.ask(Ask::Get(Which::Stored));
-        link.ask(Ask::Get(Which::Applied));
+        ask_for_sets(link);
         Ok(())
     }
 
@@ -95,8 +95,7 @@ impl Listening {
                 if let Some(rate_hz) = self.rate_hz {
                     link.ask(Ask::Telemetry(rate_hz));
                 }
-                link.ask(Ask::Get(Which::Stored));
-                link.ask(Ask::Get(Which::Applied));
+                ask_for_sets(link);
             }
             // Another host's generation, or this one's: the values have to be asked for.
             What::News(News::Event { event: sarah_protocol::telemetry::Event::Applied { .. }, .. }) => {
@@ -107,6 +106,11 @@ impl Listening {
         }
         Ok(())
     }
+}
+
+fn ask_for_sets(link: &Link) {
+    link.ask(Ask::Get(Which::Stored));
+    link.ask(Ask::Get(Which::Applied));
 }
 
 fn going(link: &Link, parts: &Parts<'_>) -> Going {

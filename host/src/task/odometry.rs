@@ -150,12 +150,15 @@ impl Odometry {
             }
         }
         let (lean, drift) = self.filter.take_lean();
-        self.attitude.correct(lean, drift);
         self.height_m = stance.height_m().unwrap_or(self.height_m);
         self.unloaded_s = if stance.stands() { 0.0 } else { self.unloaded_s + dt_s };
-        if self.unloaded_s > CARRIED_AFTER_S {
+        // How somebody carries a robot, or puts a fallen one back on its feet, is not for feet to tell, nor a reason to
+        // think otherwise of the gyro: the coordinator knows which way is up.
+        if self.unloaded_s > CARRIED_AFTER_S || self.estimate.fell {
             self.filter.halt();
             self.attitude.level(sample.up);
+        } else {
+            self.attitude.correct(lean, drift);
         }
         self.rate_rad_s = add(self.rate_rad_s, scale(sub(rate, self.rate_rad_s), (dt_s / ROTATION_S).min(1.0)));
         self.stance = Some(stance);

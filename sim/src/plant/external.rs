@@ -111,6 +111,7 @@ pub(super) fn model_crc() -> u32 {
 }
 
 fn setup(config: &RobotConfig) -> Setup {
+    let scales = Joint::ALL.map(|joint| config.actuator_scales(joint));
     Setup {
         model: model_crc().to_le_bytes(),
         dt_s: config.dt_s,
@@ -120,8 +121,8 @@ fn setup(config: &RobotConfig) -> Setup {
         mass_scale: config.mass_scale,
         friction: config.friction.unwrap_or(f32::NAN),
         slope_rad: [config.slope_pitch_rad, config.slope_roll_rad],
-        actuator_speed_scale: config.actuator_speed_scale,
-        actuator_force_scale: config.actuator_force_scale,
+        speed_scales: scales.map(|(speed, _)| speed),
+        force_scales: scales.map(|(_, force)| force),
     }
 }
 

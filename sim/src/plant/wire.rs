@@ -4,7 +4,7 @@
 //!   00 │ COBS( version u8 │ 0 u16 │ number u16 │ body │ CRC-32 u32 ) │ 00      the project's frame, protocol::frame
 //!
 //!   to the plant, body:                               from it, body:
-//!   00 │ Setup, 52 bytes            begin anew        00 │ model u32 │ Snapshot │ n u8 │ name, n bytes
+//!   00 │ Setup, 92 bytes            begin anew        00 │ model u32 │ Snapshot │ n u8 │ name, n bytes
 //!   01 │ Step, 41 bytes             advance by dt_s   01 │ Snapshot, 140 bytes
 //!                                                     02 │ n u8 │ setting │ n u8 │ why it cannot
 //! ```
@@ -54,10 +54,10 @@ pub struct Setup {
     pub friction: f32,
     /// Slope of the ground about y, then about x, rad, through the origin.
     pub slope_rad: [f32; 2],
-    /// Factor on the actuators' top speeds.
-    pub actuator_speed_scale: f32,
-    /// Factor on the actuators' force limits.
-    pub actuator_force_scale: f32,
+    /// Factor on each actuator's top speed, in [`Joint`](crate::robot::Joint) order.
+    pub speed_scales: [f32; 6],
+    /// Factor on each actuator's force limit.
+    pub force_scales: [f32; 6],
 }
 
 /// What acts on the robot during a step.

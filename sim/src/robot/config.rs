@@ -172,7 +172,7 @@ impl RobotConfig {
     }
 
     /// Factors on top speed and force limit of the actuator of `joint`.
-    pub(super) fn actuator_scales(&self, joint: Joint) -> (f32, f32) {
+    pub(crate) fn actuator_scales(&self, joint: Joint) -> (f32, f32) {
         let all = (self.actuator_speed_scale, self.actuator_force_scale);
         match self.weak_actuator {
             Some(weak) if weak.joint == joint => (all.0 * weak.speed_scale, all.1 * weak.force_scale),

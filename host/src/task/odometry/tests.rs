@@ -121,6 +121,30 @@ fn a_reset_begins_at_the_origin_and_forgets_a_fall() {
 }
 
 #[test]
+fn a_fallen_robot_that_somebody_sets_on_its_feet_is_followed_again() {
+    let scenario = |name: &str| Scenario::load(name).unwrap();
+    let pushed = scenario("push-grid").with(&Overrides { impulse_n_s: Some(60.0), ..Overrides::default() }).unwrap();
+    let mut robot = SimRobot::start(&SilConfig::default(), &pushed.episode(3, 2)).unwrap();
+    robot.world_mut().run_on();
+    let mut odometry = odometry();
+    let follow = |robot: &mut SimRobot, odometry: &mut Odometry, until_s: f32| {
+        while robot.now_s() < until_s {
+            robot.advance().unwrap().telemetry.iter().for_each(|frame| _ = odometry.saw(frame));
+        }
+    };
+    follow(&mut robot, &mut odometry, 5.0);
+    assert!(odometry.estimate().fell);
+    robot.world_mut().body_mut().stand_up(&scenario("stand").episode(3, 0)).unwrap();
+    follow(&mut robot, &mut odometry, 15.0);
+    let estimate = odometry.estimate();
+    assert!(estimate.fell && estimate.upright && estimate.pose.rotation_rad_s < 0.04, "{estimate:?}");
+    odometry.reset();
+    follow(&mut robot, &mut odometry, 20.0);
+    let estimate = odometry.estimate();
+    assert!(!estimate.fell && estimate.lean_rad < 0.02 && away_m(&estimate) < 0.02, "{estimate:?}");
+}
+
+#[test]
 fn a_long_silence_moves_nothing() {
     let mut odometry = odometry();
     odometry.saw(&standing(0));
