@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use sarah_protocol::telemetry::Telemetry;
 use sarah_sim::energy::{BATTERY_J, EnergyConfig};
 use sarah_sim::robot::{Geometry, Health, Joint};
@@ -12,17 +12,19 @@ use sarah_sim::scenario::{Episode, Scenario};
 use sarah_sim::sil::{SilConfig, SilError};
 use thiserror::Error;
 
+use crate::enaf::trainer::episode_seed;
 use crate::enaf::{EnafError, Policy};
 use crate::figures::Pose as DrawnPose;
 use crate::link::sim::{LinkError, SLICE_US, SimRobot, Slice};
 use crate::metrics::{Autonomy, EnergyJ, EpisodeResult, Outcome, Trace, TraceSample};
-use crate::task::action;
+use crate::task::action::{self, Scope};
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
 use crate::task::observation::{acceleration_m_s2, loads_n, observe, rate_rad_s};
 use crate::task::odometry::Odometry;
 use crate::task::odometry::audit::{Audit, Audited, FALL_WITHIN_S};
 use crate::task::reward::RewardForm;
+use crate::task::robots::{DrawError, Robots};
 
 /// Who balances.
 #[derive(Clone, Debug)]
@@ -38,7 +40,7 @@ pub enum Controller {
         /// Everything it does not move.
         base: ParamSet,
         /// What it moves.
-        lpg: Lpg,
+        scope: Scope,
     },
 }
 
@@ -51,6 +53,9 @@ pub enum EvaluateError {
     /// The agent.
     #[error(transparent)]
     Agent(#[from] EnafError),
+    /// The robots.
+    #[error(transparent)]
+    Draw(#[from] DrawError),
 }
 
 /// An episode with everything a figure needs.
@@ -125,7 +130,7 @@ pub fn run_episode(
         }
     };
     let mut policy = match controller {
-        Controller::Policy { policy, base, lpg } => Some((policy.clone(), *base, *lpg)),
+        Controller::Policy { policy, base, scope } => Some((policy.clone(), *base, *scope)),
         _ => None,
     };
     if let Some((policy, ..)) = &mut policy {
@@ -142,10 +147,10 @@ pub fn run_episode(
     let mut slices = 0;
     while health == Health::Upright && robot.now_s() < episode.duration_s - 1e-3 {
         if slices % slices_per_decision == 0
-            && let Some((policy, base, lpg)) = &mut policy
+            && let Some((policy, base, scope)) = &mut policy
         {
             let chosen = policy.act(&observe(&second))?;
-            robot.set_params(action::decode(base, *lpg, &chosen));
+            robot.set_params(action::decode(base, *scope, &chosen));
             second.clear();
         }
         let Slice { telemetry, health: now, pushed } = robot.advance()?;
@@ -241,14 +246,15 @@ fn record(recording: &mut Recording, robot: &SimRobot, telemetry: &[Telemetry], 
 /// after each.
 pub fn run_many(
     controller: &Controller,
-    config: &SilConfig,
+    robots: &Robots,
     scenario: &Scenario,
     seed: u64,
     count: u64,
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<EpisodeResult>, EvaluateError> {
     parallel(count as usize, |index| {
-        let result = run_episode(controller, config, &scenario.episode(seed, index as u64), Watch::Nothing);
+        let robot = robots.of(episode_seed(seed, index as u64))?;
+        let result = run_episode(controller, &robot, &scenario.episode(seed, index as u64), Watch::Nothing);
         done();
         result
     })
@@ -324,7 +330,7 @@ mod tests {
         let scenario = Scenario::load("push-grid").unwrap();
         let (controller, config) = (Controller::Braked, SilConfig::default());
         let done = AtomicU32::new(0);
-        let many = run_many(&controller, &config, &scenario, 5, 3, &|| {
+        let many = run_many(&controller, &Robots::alike(config.clone()), &scenario, 5, 3, &|| {
             done.fetch_add(1, Ordering::Relaxed);
         });
         let one_by_one =
@@ -336,10 +342,10 @@ mod tests {
     #[test]
     fn a_policy_that_always_says_the_same_is_a_constant_set() {
         // An agent whose state-dependent part is shut acts by its constants alone.
-        let start = action::encode(&default_params(), Lpg::Knee);
+        let start = action::encode(&default_params(), Scope::Knee);
         let trainer = Trainer::new(&EnafConfig::default(), observation::LEN, &start, 1).unwrap();
-        let constant = action::decode(&default_params(), Lpg::Knee, &trainer.mean_action());
-        let policy = Controller::Policy { policy: Box::new(trainer.policy()), base: constant, lpg: Lpg::Knee };
+        let constant = action::decode(&default_params(), Scope::Knee, &trainer.mean_action());
+        let policy = Controller::Policy { policy: Box::new(trainer.policy()), base: constant, scope: Scope::Knee };
         let episode = Scenario::load("push-grid").unwrap().episode(7, 5);
         let run =
             |controller: &Controller| run_episode(controller, &SilConfig::default(), &episode, Watch::Nothing).unwrap();

@@ -7,6 +7,7 @@
 //! - [`study`]: many of both, from one file to tables and figures.
 //! - [`monitor`]: the robot in a terminal. [`recording`]: everything heard, for viewers and for replay.
 //! - [`run`]: the folder a run lives in. [`metrics`], [`stats`], [`figures`], [`report`]: from numbers to a report.
+//! - [`overrides`]: changes of a configuration by dotted keys.
 //! - [`params`]: sets of files and robots. [`bake`]: a set becomes the firmware's own. [`flash`]: images onto boards.
 //! - [`mod@bench`]: how good the link is.
 //! - [`cli`]: the `sarah` command. [`progress`]: how far it is. [`stop`]: whether it is asked to end.
@@ -23,6 +24,7 @@ pub mod link;
 pub mod live;
 pub mod metrics;
 pub mod monitor;
+pub mod overrides;
 pub mod params;
 pub mod progress;
 pub mod recording;

@@ -197,15 +197,6 @@ impl ParamSet {
             if (to - from).abs() <= most { to } else { from + most.copysign(to - from) }
         }))
     }
-
-    /// The same set with the parameters of `lpg` replaced; `values` are its parameters in order.
-    pub fn with(&self, lpg: Lpg, values: &[f32]) -> Result<ParamSet, ParamError> {
-        let mut raw = self.0;
-        for (slot, value) in raw[lpg.range()].iter_mut().zip(values) {
-            *slot = *value;
-        }
-        ParamSet::new(raw)
-    }
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ pub(super) struct TrainArgs {
     /// Episodes per session.
     #[arg(long, conflicts_with = "resume")]
     episodes: Option<u32>,
-    /// Methods to train, ours first: enaf, enaf-paper, cma-es, random.
+    /// Methods to train, ours first: enaf, enaf-paper, cma-es, random. One more, external, is a program of yours: see tests/studies.
     #[arg(long, conflicts_with = "resume", value_delimiter = ',', value_parser = method)]
     methods: Option<Vec<Method>>,
     /// Configuration file; what it leaves out takes its default.

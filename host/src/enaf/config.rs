@@ -64,6 +64,9 @@ pub struct EnafConfig {
     pub horizon: usize,
     /// The longest unroll learned from, decisions: a batch is trimmed to it, always from the episode's start.
     pub unroll: usize,
+    /// Learn from pieces of this many decisions, drawn at random from the stored episodes and begun with an empty memory,
+    /// as a replay of single transitions does. Absent: from whole episodes, as the paper does.
+    pub piece: Option<usize>,
     /// Episodes in one batch.
     pub batch_episodes: usize,
     /// Training depth: gradient steps per decision (§IV).
@@ -107,6 +110,7 @@ impl Default for EnafConfig {
             hidden: None,
             horizon: 30,
             unroll: 30,
+            piece: None,
             batch_episodes: 8,
             depth: 6,
             warm_up_episodes: None,
@@ -207,6 +211,7 @@ impl EnafConfig {
             ("hidden", self.hidden(), 1..=1024, "1 to 1024"),
             ("horizon", self.horizon, 1..=3600, "1 to 3600"),
             ("unroll", self.unroll, 1..=3600, "1 to 3600"),
+            ("piece", self.piece.unwrap_or(1), 1..=3600, "1 to 3600"),
             ("batch_episodes", self.batch_episodes, 1..=256, "1 to 256"),
             ("depth", self.depth, 0..=256, "0 to 256"),
             ("replay_episodes", self.replay_episodes, 1..=1_000_000, "1 to 1000000"),

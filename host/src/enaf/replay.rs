@@ -22,6 +22,19 @@ pub struct Episode {
     pub fell: bool,
 }
 
+impl Episode {
+    /// Up to `length` decisions from decision `at` on; its end counts only if it is the episode's.
+    fn piece(&self, at: usize, length: usize, input_len: usize, action_len: usize) -> Episode {
+        let end = (at + length).min(self.rewards.len());
+        Episode {
+            inputs: self.inputs[at * input_len..(end + 1) * input_len].to_vec(),
+            actions: self.actions[at * action_len..end * action_len].to_vec(),
+            rewards: self.rewards[at..end].to_vec(),
+            fell: self.fell && end == self.rewards.len(),
+        }
+    }
+}
+
 /// Episodes side by side, time-major: row `t·B + b` is step t of episode b. Shorter episodes are padded with zeros and
 /// masked out.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,5 +136,29 @@ impl Replay {
         let drawn: Vec<usize> = (0..count).map(|_| self.rng.random_range(0..self.episodes.len())).collect();
         let episodes: Vec<&Episode> = drawn.iter().map(|&i| &self.episodes[i]).collect();
         Some(Batch::new(&episodes, unroll, input_len, action_len))
+    }
+
+    /// Draws `count` pieces of at most `length` decisions: each begins anywhere in any episode, every decision being as
+    /// likely. `None` while nothing is stored.
+    pub fn draw_pieces(&mut self, count: usize, length: usize, input_len: usize, action_len: usize) -> Option<Batch> {
+        let decisions: usize = self.episodes.iter().map(|episode| episode.rewards.len()).sum();
+        if decisions == 0 {
+            return None;
+        }
+        let pieces: Vec<Episode> = (0..count)
+            .map(|_| {
+                let mut at = self.rng.random_range(0..decisions);
+                let mut whole = &self.episodes[0];
+                for episode in &self.episodes {
+                    whole = episode;
+                    if at < episode.rewards.len() {
+                        break;
+                    }
+                    at -= episode.rewards.len();
+                }
+                whole.piece(at, length, input_len, action_len)
+            })
+            .collect();
+        Some(Batch::new(&pieces.iter().collect::<Vec<_>>(), length, input_len, action_len))
     }
 }

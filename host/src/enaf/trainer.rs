@@ -226,7 +226,11 @@ impl Trainer {
         }
         let shape = self.learner.shape();
         let (input, action) = (shape.input(), shape.action);
-        let batch = self.replay.draw(self.config.batch_episodes, self.config.unroll, input, action);
+        let count = self.config.batch_episodes;
+        let batch = match self.config.piece {
+            Some(length) => self.replay.draw_pieces(count, length, input, action),
+            None => self.replay.draw(count, self.config.unroll, input, action),
+        };
         let Some(batch) = batch else { return Ok(None) };
         // The gate is that of the episode stored last.
         let gate = gate(self.config.residual_after, self.episode.saturating_sub(1));
@@ -238,6 +242,12 @@ impl Trainer {
     /// Whether the state-dependent part of μ is let in.
     fn gate(&self) -> bool {
         gate(self.config.residual_after, self.episode)
+    }
+
+    /// Whether its action depends on the state by now.
+    #[must_use]
+    pub fn modulates(&self) -> bool {
+        self.config.form == Form::Paper || self.gate()
     }
 
     fn noise_free_mean(&self) -> Option<f32> {

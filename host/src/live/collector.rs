@@ -14,7 +14,7 @@
 
 use sarah_protocol::bus::HaltReason;
 use sarah_protocol::host::{Command, Refusal};
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use sarah_protocol::session::{News, State};
 use sarah_protocol::telemetry::{Event, Telemetry};
 
@@ -24,12 +24,13 @@ use super::watch::Watch;
 use crate::enaf::End;
 use crate::link::live::{Ask, Heard, LinkHealth, What};
 use crate::monitor::words::{event_words, fault_advice};
+use crate::task::action::{self, Scope};
 use crate::task::environment::DECISION_S;
 use crate::task::judge::Judge;
+use crate::task::observation;
 use crate::task::odometry::Estimate;
 use crate::task::pose_source::PoseSource;
 use crate::task::reward::RewardForm;
-use crate::task::{action, observation};
 
 /// A second with fewer telemetry frames than this says too little, of about 100.
 const FRAMES_MIN: usize = 50;
@@ -42,7 +43,7 @@ const DECISION_US: u64 = (DECISION_S * 1e6) as u64;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Task {
     /// What is trained.
-    pub lpg: Lpg,
+    pub scope: Scope,
     /// The set it started from; everything else stays.
     pub base: ParamSet,
     /// The reward.
@@ -409,7 +410,7 @@ impl Collector {
         let attempt = self.attempt;
         let acting = self.acting.as_mut().filter(|acting| act.attempt == attempt && act.decision == acting.decision)?;
         acting.answered = act.decision + 1;
-        let set = action::decode(&self.task.base, self.task.lpg, &act.action);
+        let set = action::decode(&self.task.base, self.task.scope, &act.action);
         acting.asked = Some(set);
         Some(set)
     }

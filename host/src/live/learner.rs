@@ -3,11 +3,11 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 
 use super::predictor::Weights;
 use crate::enaf::{EpisodeLog, Played, Trainer};
-use crate::task::action;
+use crate::task::action::{self, Scope};
 use crate::train::TrainError;
 use crate::train::journal::{Journal, Row};
 
@@ -18,7 +18,7 @@ pub struct Learning {
     /// What stays on disk.
     pub journal: Journal,
     /// What is trained.
-    pub lpg: Lpg,
+    pub scope: Scope,
     /// The set it started from.
     pub base: ParamSet,
 }
@@ -80,7 +80,7 @@ impl Learner {
 }
 
 fn learn(learning: &mut Learning, played: Played, weights: &Weights) -> Result<EpisodeLog, TrainError> {
-    let Learning { trainer, journal, lpg, base } = learning;
+    let Learning { trainer, journal, scope, base } = learning;
     let mut log = trainer.store(played);
     let (due, depth) = (trainer.due(), trainer.config().depth.max(1));
     let mut done = 0;
@@ -92,7 +92,7 @@ fn learn(learning: &mut Learning, played: Played, weights: &Weights) -> Result<E
         }
     }
     weights.leave(trainer.weights());
-    journal.append(&Row::from(&log), &action::decode(base, *lpg, &log.mu_mean))?;
+    journal.append(&Row::from(&log), &action::decode(base, *scope, &log.mu_mean))?;
     // An episode takes half a minute of a robot's life: each one is saved.
     journal.save(trainer.save()?)?;
     Ok(log)

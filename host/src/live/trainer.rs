@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use sarah_protocol::host::Which;
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use sarah_protocol::session::{News, State};
 use sarah_protocol::telemetry::Event;
 use sarah_sim::robot::Geometry;
@@ -28,10 +28,11 @@ use crate::link::sim::LinkError;
 use crate::progress::Progress;
 use crate::run::{RunFolder, RunInfo, event_file, read_metrics};
 use crate::stop;
+use crate::task::action::{self, Scope};
 use crate::task::environment::horizon;
+use crate::task::observation;
 use crate::task::odometry::Odometry;
 use crate::task::pose_source::{PoseSocket, PoseSource};
-use crate::task::{action, observation};
 use crate::train::config::ConfigError;
 use crate::train::journal::Journal;
 use crate::train::{Chain, Method, TrainConfig, TrainError, outcome, session::Trained};
@@ -96,12 +97,12 @@ pub fn train(
     progress.print(console::HELP);
     let recorder = Recorder::start(&folder.layout().root().join("recordings"), &reached.link)?;
     let (chain, mut bench) = {
-        let (_, first) = open(config, folder, Lpg::ALL[0], ParamSet::table_ii(), 1)?;
+        let (_, first) = open(config, folder, Scope::SESSIONS[0], config.start.set(), 1)?;
         let mut collector = Collector::new(first, 0, PoseSource::new(Odometry::new(reached.geometry)));
         if reached.robot.arm {
             collector.allow(reached.robot.consent);
         }
-        let chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![] };
+        let chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![], start: config.start.set() };
         let words = console::listen();
         (chain, Bench { reached, collector, recorder, words, interrupted, progress: &progress, ended: false })
     };
@@ -152,10 +153,10 @@ fn sessions(
     mut chain: Chain,
     bench: &mut Bench<'_>,
 ) -> Result<Option<Chain>, TrainError> {
-    for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
+    for (index, scope) in Scope::SESSIONS.into_iter().enumerate() {
         let number = index as u8 + 1;
         let base = chain.base(index);
-        let (learning, task) = open(config, folder, lpg, base, number)?;
+        let (learning, task) = open(config, folder, scope, base, number)?;
         bench.progress.skip(learning.journal.episodes().into());
         let learning = bench.session(learning, task, number)?;
         if bench.ended {
@@ -165,7 +166,7 @@ fn sessions(
         let events = event_file(&metrics, crate::report::columns::EPISODE, crate::report::columns::TIME_S);
         folder.write_tensorboard(Method::Enaf.folder(), config.seed, number, &events)?;
         // There is no common push on a robot to validate with: the constants are handed on as they are.
-        let constants = action::decode(&base, lpg, &learning.trainer.mean_action());
+        let constants = action::decode(&base, scope, &learning.trainer.mean_action());
         chain.sessions.push(Trained { constants, policy: None, broken: learning.journal.broken() });
     }
     Ok(Some(chain))
@@ -179,20 +180,20 @@ fn listen_for_poses(address: &str) -> Result<PoseSocket, TrainError> {
 fn open(
     config: &TrainConfig,
     folder: &RunFolder,
-    lpg: Lpg,
+    scope: Scope,
     base: ParamSet,
     number: u8,
 ) -> Result<(Learning, Task), TrainError> {
     let place = folder.session(Method::Enaf.folder(), config.seed, number)?;
-    let (journal, saved) = Journal::open(lpg, &place)?;
+    let (journal, saved) = Journal::open(scope, &place)?;
     let horizon = horizon(&config.train_scenario().map_err(ConfigError::from)?);
     let enaf = EnafConfig { horizon, ..config.enaf_for(Method::Enaf) };
     let trainer = match &saved {
         Some(saved) => Trainer::load(&enaf, saved).map_err(|error| journal.unusable(error))?,
-        None => Trainer::new(&enaf, observation::LEN, &action::encode(&base, lpg), config.seed * 10 + lpg as u64)?,
+        None => Trainer::new(&enaf, observation::LEN, &action::encode(&base, scope), config.seed * 10 + scope as u64)?,
     };
-    let task = Task { lpg, base, reward: config.reward, horizon, episodes: config.episodes.into() };
-    Ok((Learning { trainer, journal, lpg, base }, task))
+    let task = Task { scope, base, reward: config.reward, horizon, episodes: config.episodes.into() };
+    Ok((Learning { trainer, journal, scope, base }, task))
 }
 
 /// Everything a session is run with.

@@ -1,5 +1,6 @@
 //! The result of one episode.
 
+use crate::task::reward::RewardForm;
 use serde::{Deserialize, Serialize};
 
 /// How an episode ended.
@@ -75,4 +76,14 @@ pub struct EpisodeResult {
     pub reward_paper: f32,
     /// Mean reward of the gated form.
     pub reward_gated: f32,
+}
+
+impl EpisodeResult {
+    /// The mean reward in one of its forms.
+    pub fn reward(&self, form: RewardForm) -> f32 {
+        match form {
+            RewardForm::Paper => self.reward_paper,
+            RewardForm::Gated => self.reward_gated,
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use cmaes::{CMAESOptions, DVector, Mode};
 
-use super::Search;
+use super::{Search, SearchError};
 
 /// Initial standard deviation, a fifth of the cube's width.
 const SIGMA: f64 = 0.4;
@@ -74,20 +74,21 @@ fn in_cube(x: &[f64]) -> Vec<f32> {
 }
 
 impl Search for CmaEs {
-    fn ask(&mut self) -> Vec<f32> {
+    fn ask(&mut self) -> Result<Vec<f32>, SearchError> {
         let within = self.rewards.len() % self.population();
-        self.batch.get(within).map_or_else(|| in_cube(&self.mean), |x| in_cube(x))
+        Ok(self.batch.get(within).map_or_else(|| in_cube(&self.mean), |x| in_cube(x)))
     }
 
-    fn tell(&mut self, reward: f32) {
+    fn tell(&mut self, reward: f32) -> Result<(), SearchError> {
         self.rewards.push(reward);
         if self.rewards.len().is_multiple_of(self.population()) {
             self.replay();
         }
+        Ok(())
     }
 
-    fn recommend(&self) -> Vec<f32> {
-        in_cube(&self.mean)
+    fn recommend(&mut self) -> Result<Vec<f32>, SearchError> {
+        Ok(in_cube(&self.mean))
     }
 }
 
@@ -103,10 +104,11 @@ mod tests {
     fn it_finds_the_optimum_of_a_bowl_from_the_cube_s_middle() {
         let mut search = CmaEs::new(&[0.0; 3], 1, vec![]);
         for _ in 0..210 {
-            let x = search.ask();
-            search.tell(reward(&x));
+            let x = search.ask().unwrap();
+            search.tell(reward(&x)).unwrap();
         }
-        assert!(reward(&search.recommend()) > 0.99, "{:?}", search.recommend());
+        let found = search.recommend().unwrap();
+        assert!(reward(&found) > 0.99, "{found:?}");
     }
 
     #[test]
@@ -115,11 +117,11 @@ mod tests {
         let mut journal = vec![];
         for episode in 0..60 {
             let mut resumed = CmaEs::new(&[0.0; 3], 5, journal.clone());
-            let x = whole.ask();
-            assert_eq!(resumed.ask(), x, "episode {episode}");
+            let x = whole.ask().unwrap();
+            assert_eq!(resumed.ask().unwrap(), x, "episode {episode}");
             journal.push(reward(&x));
-            whole.tell(reward(&x));
+            whole.tell(reward(&x)).unwrap();
         }
-        assert_eq!(CmaEs::new(&[0.0; 3], 5, journal).recommend(), whole.recommend());
+        assert_eq!(CmaEs::new(&[0.0; 3], 5, journal).recommend().unwrap(), whole.recommend().unwrap());
     }
 }

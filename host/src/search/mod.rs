@@ -4,9 +4,13 @@
 //! after a kill is exact.
 
 mod cma;
+mod external;
 mod random;
 
+use thiserror::Error;
+
 pub use cma::CmaEs;
+pub use external::ExternalSearch;
 pub use random::RandomSearch;
 
 use crate::enaf::{EnvError, Environment};
@@ -14,11 +18,45 @@ use crate::enaf::{EnvError, Environment};
 /// Proposes constants, one episode each, and learns from their rewards.
 pub trait Search {
     /// The next constants to try, each in [-1, 1].
-    fn ask(&mut self) -> Vec<f32>;
+    fn ask(&mut self) -> Result<Vec<f32>, SearchError>;
     /// The mean reward of the episode they made.
-    fn tell(&mut self, reward: f32);
+    fn tell(&mut self, reward: f32) -> Result<(), SearchError>;
     /// What to hardcode.
-    fn recommend(&self) -> Vec<f32>;
+    fn recommend(&mut self) -> Result<Vec<f32>, SearchError>;
+}
+
+/// Why a search cannot go on. Only one in another process can fail.
+#[derive(Debug, Error)]
+pub enum SearchError {
+    /// Nothing to start.
+    #[error("method external needs a program: give external = [\"python3\", \"search.py\"] in the configuration")]
+    NoCommand,
+    /// It does not start.
+    #[error("cannot start the search `{command}`: {source}; is it installed, and the path right from here?")]
+    Start {
+        /// Which.
+        command: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It has ended.
+    #[error("the search `{command}` has ended ({source}): what it printed above says why")]
+    Lost {
+        /// Which.
+        command: String,
+        /// How.
+        source: std::io::Error,
+    },
+    /// It says something else.
+    #[error("the search `{command}` answered {answer:?}, not a list of {dimensions} numbers in [-1, 1]")]
+    Answer {
+        /// Which.
+        command: String,
+        /// What it said.
+        answer: String,
+        /// Numbers of a point.
+        dimensions: usize,
+    },
 }
 
 /// One episode with constant parameters.

@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::Search;
+use super::{Search, SearchError};
 
 /// Fraction of the budget spent on fresh points.
 const FRESH: f32 = 0.7;
@@ -42,20 +42,21 @@ impl RandomSearch {
 }
 
 impl Search for RandomSearch {
-    fn ask(&mut self) -> Vec<f32> {
+    fn ask(&mut self) -> Result<Vec<f32>, SearchError> {
         let episode = self.rewards.len();
         if let Some(point) = self.points.get(episode) {
-            return point.clone();
+            return Ok(point.clone());
         }
         let elite = self.elite();
-        self.points[elite[(episode - self.points.len()) % elite.len()]].clone()
+        Ok(self.points[elite[(episode - self.points.len()) % elite.len()]].clone())
     }
 
-    fn tell(&mut self, reward: f32) {
+    fn tell(&mut self, reward: f32) -> Result<(), SearchError> {
         self.rewards.push(reward);
+        Ok(())
     }
 
-    fn recommend(&self) -> Vec<f32> {
+    fn recommend(&mut self) -> Result<Vec<f32>, SearchError> {
         let elite = self.elite();
         let mean = |rank: usize| {
             let again = self.tried_again().iter().skip(rank).step_by(elite.len());
@@ -63,7 +64,7 @@ impl Search for RandomSearch {
             sum / n
         };
         let best = (0..elite.len()).max_by(|a, b| mean(*a).total_cmp(&mean(*b)));
-        best.map_or_else(|| self.start.clone(), |rank| self.points[elite[rank]].clone())
+        Ok(best.map_or_else(|| self.start.clone(), |rank| self.points[elite[rank]].clone()))
     }
 }
 
@@ -75,14 +76,14 @@ mod tests {
     fn the_best_point_on_repeated_trials_is_recommended_and_the_journal_resumes_exactly() {
         let reward = |x: &[f32]| 1.0 - x.iter().map(|u| u * u).sum::<f32>();
         let mut search = RandomSearch::new(&[0.9, 0.9], 100, 3, vec![]);
-        assert_eq!(search.recommend(), [0.9, 0.9]);
+        assert_eq!(search.recommend().unwrap(), [0.9, 0.9]);
         let mut journal = vec![];
         for _ in 0..100 {
-            assert_eq!(RandomSearch::new(&[0.9, 0.9], 100, 3, journal.clone()).ask(), search.ask());
-            let x = search.ask();
+            assert_eq!(RandomSearch::new(&[0.9, 0.9], 100, 3, journal.clone()).ask().unwrap(), search.ask().unwrap());
+            let x = search.ask().unwrap();
             journal.push(reward(&x));
-            search.tell(reward(&x));
+            search.tell(reward(&x)).unwrap();
         }
-        assert!(reward(&search.recommend()) > 0.8);
+        assert!(reward(&search.recommend().unwrap()) > 0.8);
     }
 }

@@ -27,24 +27,26 @@
 //! title = "What the recurrence adds"
 //! seeds = 10
 //! episodes = 120                            # the budget of each session
-//! sessions = ["knee"]                       # all three without this line
+//! sessions = ["knee"]                       # knee, hip, abductor (in turn without this line), all (13 parameters)
 //! common.scenario = "train"                 # any key of `sarah train --print-config`
+//! common.start = "default"                  # instead of "table-ii"
+//! common.draw.robot.friction = [0.4, 1.2]   # drawn anew in every episode
 //!
 //! [[arm]]
 //! name = "feed-forward"
-//! method = "enaf"                           # enaf, enaf-paper, cma-es, random
+//! method = "enaf"                           # enaf, enaf-paper, cma-es, random, external
 //! set.enaf.recurrent = false
 //! ```
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use sarah_protocol::params::Lpg;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use super::StudyError;
-use super::overrides::one_line;
+use crate::overrides::{merge, one_line};
+use crate::task::action::Scope;
 use crate::train::Method;
 
 /// Which kind of study a file is.
@@ -160,7 +162,7 @@ pub struct TrainingFile {
     pub episodes: u32,
     /// Which sessions, in this order; all three by default.
     #[serde(default = "all_sessions")]
-    pub sessions: Vec<SessionName>,
+    pub sessions: Vec<Scope>,
     /// Episodes that judge a session.
     #[serde(default = "fifty")]
     pub judged_episodes: u32,
@@ -186,38 +188,6 @@ pub struct MethodArm {
     pub set: Table,
 }
 
-/// One training session.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SessionName {
-    /// LPG1.
-    Knee,
-    /// LPG2.
-    Hip,
-    /// LPG3.
-    Abductor,
-}
-
-impl SessionName {
-    /// What it trains.
-    pub fn lpg(self) -> Lpg {
-        match self {
-            SessionName::Knee => Lpg::Knee,
-            SessionName::Hip => Lpg::Hip,
-            SessionName::Abductor => Lpg::Abductor,
-        }
-    }
-
-    /// Its name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            SessionName::Knee => "knee",
-            SessionName::Hip => "hip",
-            SessionName::Abductor => "abductor",
-        }
-    }
-}
-
 fn one() -> u64 {
     1
 }
@@ -230,8 +200,8 @@ fn enaf() -> Method {
     Method::Enaf
 }
 
-fn all_sessions() -> Vec<SessionName> {
-    vec![SessionName::Knee, SessionName::Hip, SessionName::Abductor]
+fn all_sessions() -> Vec<Scope> {
+    Scope::SESSIONS.to_vec()
 }
 
 #[derive(Deserialize)]
@@ -261,7 +231,7 @@ impl ConditionFile {
     pub fn over(&self, common: &ConditionFile) -> ConditionFile {
         let both = |common: &Table, own: &Table| {
             let mut merged = common.clone();
-            super::overrides::merge(&mut merged, own);
+            merge(&mut merged, own);
             merged
         };
         ConditionFile {

@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::compare::BOOTSTRAP_SEED;
 use super::plan::TrainingPlan;
 use super::unit::{ArmData, SessionData};
-use crate::metrics::EpisodeResult;
-use crate::stats::{Interval, Statistic, bootstrap, improvement, iqm, mean};
+use crate::metrics::{EpisodeResult, Outcome};
+use crate::stats::{Interval, Statistic, bootstrap, bootstrap_groups, improvement, iqm, mean};
 use crate::task::reward::RewardForm;
 
 /// Episodes in the mean that has to stay.
@@ -56,6 +56,18 @@ pub struct ArmRow {
     pub judged: Option<f64>,
     pub judged_low: Option<f64>,
     pub judged_high: Option<f64>,
+    /// Mean over seeds and episodes of what the session added to the start, on the same pushes.
+    pub gain: Option<f64>,
+    pub gain_low: Option<f64>,
+    pub gain_high: Option<f64>,
+    /// Mean of what the agent earned beyond its own average set held constant, on the same pushes; of agents whose
+    /// action depends on the state.
+    pub modulation: Option<f64>,
+    pub modulation_low: Option<f64>,
+    pub modulation_high: Option<f64>,
+    /// Episodes of all seeds that were survived, and of how many.
+    pub survived: u32,
+    pub of: u32,
     /// Probability that a seed of this arm is better than one of the first arm.
     pub improvement: Option<f64>,
     pub improvement_low: Option<f64>,
@@ -71,11 +83,19 @@ pub struct ArmRow {
 /// Judged rewards of valid episodes, in the form that was trained.
 fn rewards(results: &[EpisodeResult], form: RewardForm) -> Vec<f64> {
     let valid = results.iter().filter(|result| result.outcome.is_valid());
-    let reward = |result: &EpisodeResult| match form {
-        RewardForm::Paper => result.reward_paper,
-        RewardForm::Gated => result.reward_gated,
-    };
-    valid.map(|result| reward(result).into()).collect()
+    valid.map(|result| result.reward(form).into()).collect()
+}
+
+/// Judged rewards less those of `before` on the same pushes, where both are valid.
+fn differences(after: &[EpisodeResult], before: &[EpisodeResult], form: RewardForm) -> Vec<f64> {
+    let pairs =
+        after.iter().zip(before).filter(|(after, before)| after.outcome.is_valid() && before.outcome.is_valid());
+    pairs.map(|(after, before)| f64::from(after.reward(form)) - f64::from(before.reward(form))).collect()
+}
+
+/// Mean over all seeds with its interval, seeds drawn first, then episodes.
+fn mean_difference(seeds: &[Vec<f64>]) -> Option<Interval> {
+    bootstrap_groups(seeds, Statistic::Mean, BOOTSTRAP_SEED)
 }
 
 /// Rows of every seed and of every arm, session by session.
@@ -89,7 +109,7 @@ pub fn rows(plan: &TrainingPlan, arms: &[ArmData]) -> (Vec<SeedRow>, Vec<ArmRow>
             if number == 0 {
                 reference.clone_from(&judged);
             }
-            summaries.push(arm_row(plan, arm, session.name(), &rows, &judged, (number > 0).then_some(&reference)));
+            summaries.push(arm_row(plan, arm, index, &rows, &judged, (number > 0).then_some(&reference)));
             seeds.extend(rows);
         }
     }
@@ -105,7 +125,7 @@ fn seed_rows(arm: &ArmData, index: usize, session: &str) -> Vec<SeedRow> {
         arm: arm.arm.name.clone(),
         seed,
         judged: mean(&rewards(&data.judged, arm.arm.config.reward)),
-        survived: data.judged.iter().filter(|one| one.outcome == crate::metrics::Outcome::Survived).count() as u32,
+        survived: data.judged.iter().filter(|one| one.outcome == Outcome::Survived).count() as u32,
         of: data.judged.len() as u32,
         invalid: data.judged.iter().filter(|one| !one.outcome.is_valid()).count() as u32,
         episodes_to_stability: last.and_then(|last| episodes_to_stability(&data.rewards, last)),
@@ -117,7 +137,7 @@ fn seed_rows(arm: &ArmData, index: usize, session: &str) -> Vec<SeedRow> {
 fn arm_row(
     plan: &TrainingPlan,
     arm: &ArmData,
-    session: &str,
+    index: usize,
     rows: &[SeedRow],
     judged: &[f64],
     reference: Option<&Vec<f64>>,
@@ -125,18 +145,31 @@ fn arm_row(
     let of_seeds = |values: &[f64]| bootstrap(values, Statistic::Iqm, BOOTSTRAP_SEED);
     let interval = of_seeds(judged);
     let better = reference.and_then(|reference| improvement(judged, reference, BOOTSTRAP_SEED));
+    let form = arm.arm.config.reward;
+    let sessions = || arm.chains.iter().filter_map(|(_, sessions)| sessions.get(index));
+    let gain = mean_difference(&sessions().map(|data| differences(&data.judged, &arm.start, form)).collect::<Vec<_>>());
+    let modulation =
+        mean_difference(&sessions().map(|data| differences(&data.judged, &data.held, form)).collect::<Vec<_>>());
     let budget = |row: &SeedRow| row.episodes_to_stability.map_or(f64::from(plan.episodes), |episodes| episodes as f64);
     let stability = of_seeds(&rows.iter().map(budget).collect::<Vec<_>>());
     let [low, high] = [|interval: Interval| interval.low, |interval: Interval| interval.high];
     let estimate = |interval: Interval| interval.estimate;
     ArmRow {
-        session: session.into(),
+        session: plan.sessions[index].name().into(),
         arm: arm.arm.name.clone(),
         seeds: rows.len() as u32,
         start: mean(&rewards(&arm.start, arm.arm.config.reward)),
         judged: interval.map(estimate),
         judged_low: interval.map(low),
         judged_high: interval.map(high),
+        gain: gain.map(estimate),
+        gain_low: gain.map(low),
+        gain_high: gain.map(high),
+        modulation: modulation.map(estimate),
+        modulation_low: modulation.map(low),
+        modulation_high: modulation.map(high),
+        survived: rows.iter().map(|row| row.survived).sum(),
+        of: rows.iter().map(|row| row.of).sum(),
         improvement: better.map(estimate),
         improvement_low: better.map(low),
         improvement_high: better.map(high),
@@ -163,5 +196,27 @@ mod tests {
         assert_eq!(episodes_to_stability(&rewards[..49], 1.0), None);
         assert_eq!(episodes_to_stability(&[1.0; 10], 1.0), Some(10));
         assert_eq!(episodes_to_stability(&[1.0; 9], 1.0), None);
+    }
+
+    #[test]
+    fn differences_pair_episode_by_episode_and_leave_out_what_the_simulation_spoilt() {
+        let result = |reward_gated, outcome| EpisodeResult {
+            direction_deg: None,
+            impulse_n_s: 18.0,
+            seed: 1,
+            outcome,
+            steps: 0,
+            steps_per_s: None,
+            drift_3s_m: None,
+            settle_s: None,
+            energy_j: crate::metrics::EnergyJ::default(),
+            reward_paper: 0.0,
+            reward_gated,
+        };
+        let (survived, spoilt) = (Outcome::Survived, Outcome::NonFinite { at_s: 1.0 });
+        let after = [result(0.75, survived), result(0.5, survived), result(0.0, spoilt)];
+        let before = [result(0.5, survived), result(0.25, spoilt), result(0.5, survived)];
+        assert_eq!(differences(&after, &before, RewardForm::Gated), [0.25]);
+        assert_eq!(differences(&after, &[], RewardForm::Gated), [0.0; 0]);
     }
 }

@@ -4,7 +4,7 @@
 //!  file ─► plan ─► units ─► evaluated/*.json ─► tables, figures, report.md
 //! ```
 //!
-//! - [`mod@file`]: what people write. [`overrides`]: changes by dotted keys. [`plan`]: the same, resolved and checked;
+//! - [`mod@file`]: what people write. [`plan`]: the same, resolved and checked;
 //!   the seeds of judging.
 //! - [`mod@unit`]: what is done at one go and saved as it finishes. [`run`]: doing it. [`sittings`]: how long it took.
 //! - [`compare`], [`learning`]: from saved episodes to rows. [`pages_evaluation`], [`pages_training`], [`report`]: from
@@ -16,7 +16,6 @@
 pub mod compare;
 pub mod file;
 pub mod learning;
-pub mod overrides;
 pub mod pages_evaluation;
 pub mod pages_training;
 pub mod plan;
@@ -33,6 +32,7 @@ use thiserror::Error;
 use crate::evaluate::EvaluateError;
 use crate::figures::FigureError;
 use crate::run::{ParamFileError, RunError};
+use crate::task::robots::DrawError;
 use crate::train::TrainError;
 
 pub use file::StudyFile;
@@ -78,6 +78,9 @@ pub enum StudyError {
     /// An episode.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// The robots of an episode.
+    #[error(transparent)]
+    Draw(#[from] DrawError),
     /// A training session.
     #[error(transparent)]
     Train(#[from] TrainError),

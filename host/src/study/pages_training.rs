@@ -22,7 +22,9 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
     let _ = writeln!(
         body,
         "Judged: mean reward over {} episodes of common pushes that nobody trained on, then the interquartile mean \
-         over seeds, with its 95 % bootstrap interval over seeds. Better than {reference}: the probability that a seed \
+         over seeds, with its 95 % bootstrap interval over seeds. Gain: the mean of what was added to the start, push \
+         by push, with its interval over seeds, then episodes. Modulation: the mean of what the agent earned beyond its \
+         own average set held constant, push by push; only of agents whose action depends on the state. Better than {reference}: the probability that a seed \
          of this arm is judged higher than one of {reference}, with its interval. Stable after: the first episode from \
          which the mean reward of the {WINDOW} episodes that end there stays, to the end, at {:.0} % or more of the \
          arm's final reward (the interquartile mean over seeds of the mean of the last {WINDOW} training episodes); \
@@ -42,8 +44,19 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
 
 fn table(plan: &TrainingPlan, rows: &[ArmRow]) -> Table {
     let better = format!("better than {}", plan.arms[0].name);
-    let mut table =
-        Table::new(["session", "arm", "seeds", "start", "judged", &better, "stable after (episodes)", "stable seeds"]);
+    let mut table = Table::new([
+        "session",
+        "arm",
+        "seeds",
+        "start",
+        "judged",
+        "gain",
+        "modulation",
+        "survived",
+        &better,
+        "stable after (episodes)",
+        "stable seeds",
+    ]);
     let with_interval = |[estimate, low, high]: [Option<f64>; 3], decimals: usize| match estimate {
         Some(_) => format!("{} ({} – {})", number(estimate, decimals), number(low, decimals), number(high, decimals)),
         None => number(None, 0),
@@ -56,6 +69,9 @@ fn table(plan: &TrainingPlan, rows: &[ArmRow]) -> Table {
             row.seeds.to_string(),
             number(row.start, 3),
             with_interval([row.judged, row.judged_low, row.judged_high], 3),
+            with_interval([row.gain, row.gain_low, row.gain_high], 3),
+            with_interval([row.modulation, row.modulation_low, row.modulation_high], 3),
+            format!("{}/{}", row.survived, row.of),
             with_interval([row.improvement, row.improvement_low, row.improvement_high], 2),
             bound.to_owned() + &with_interval([row.stability_iqm, row.stability_low, row.stability_high], 0),
             format!("{}/{}", row.stable, row.seeds),

@@ -20,19 +20,17 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use super::StudyError;
-use super::file::{
-    ConditionFile, ControllerArm, ControllerName, EvaluationFile, MethodArm, SessionName, StudyFile, TrainingFile,
-};
-use super::overrides::{corners, overridden};
+use super::file::{ConditionFile, ControllerArm, ControllerName, EvaluationFile, MethodArm, StudyFile, TrainingFile};
 use crate::evaluate::Controller;
 use crate::link::sim::SimRobot;
+use crate::overrides::overridden;
 use crate::run::load_param_set;
+use crate::task::action::Scope;
+use crate::task::robots::Robots;
 use crate::train::TrainConfig;
 
 /// Seeds of judging.
 pub const JUDGE_SEED: u64 = 1 << 61;
-/// Seeds of draws.
-pub const DRAW_SEED: u64 = 1 << 62;
 /// Episodes of one unit at most: a slip of the finger shall not run for a month.
 const MOST_EPISODES: u64 = 100_000;
 
@@ -102,7 +100,7 @@ pub struct TrainingPlan {
     /// Episodes of each session.
     pub episodes: u32,
     /// Which sessions, in order.
-    pub sessions: Vec<SessionName>,
+    pub sessions: Vec<Scope>,
     /// Episodes that judge a session.
     pub judged_episodes: u32,
     /// Ways to learn.
@@ -246,9 +244,10 @@ fn condition(own: &ConditionFile, seed: u64) -> Result<Condition, StudyError> {
         scenario.with(&Overrides { impulse_n_s: Some(*impulse), ..Overrides::default() })?;
     }
     let episode = scenario.episode(JUDGE_SEED + seed, 0);
-    for robot in corners(&robot, &own.draw).map_err(wrong)?.iter().chain([&robot]) {
+    let robots = Robots::new(robot.clone(), own.draw.clone()).map_err(|why| wrong(why.to_string()))?;
+    for robot in robots.extremes().map_err(|why| wrong(why.to_string()))? {
         // Another simulator is asked when its turn comes: a study can be read where it is not installed.
-        let here = SilConfig { plant: None, ..robot.clone() };
+        let here = SilConfig { plant: None, ..robot };
         SimRobot::start(&here, &episode).map_err(|error| wrong(error.to_string()))?;
     }
     Ok(Condition { name: own.name.clone(), impulses_n_s, episodes, scenario, robot, draw: own.draw.clone() })
@@ -259,7 +258,7 @@ fn training(file: &TrainingFile) -> Result<TrainingPlan, StudyError> {
     names("arm", file.arm.iter().map(|arm| arm.name.as_str()))?;
     let unique: BTreeSet<&str> = file.sessions.iter().map(|session| session.name()).collect();
     if file.sessions.is_empty() || unique.len() != file.sessions.len() {
-        let why = "give one or more of knee, hip, abductor, none twice".into();
+        let why = "give one or more of knee, hip, abductor, all, none twice".into();
         return Err(StudyError::Part { part: "sessions".into(), why });
     }
     Ok(TrainingPlan {
@@ -306,7 +305,10 @@ fn learner(arm: &MethodArm, file: &TrainingFile) -> Result<Learner, StudyError> 
     config.validate().map_err(|error| wrong(error.to_string()))?;
     let config = config.resolved()?;
     let episode = config.train_scenario()?.episode(config.seed, 0);
-    SimRobot::start(&config.robot, &episode).map_err(|error| wrong(error.to_string()))?;
+    let robots = config.robots().and_then(|robots| robots.extremes()).map_err(|why| wrong(why.to_string()))?;
+    for robot in robots {
+        SimRobot::start(&robot, &episode).map_err(|error| wrong(error.to_string()))?;
+    }
     Ok(Learner { name: arm.name.clone(), config })
 }
 

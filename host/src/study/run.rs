@@ -5,14 +5,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use sarah_protocol::params::ParamSet;
 use sarah_sim::scenario::{Overrides, Scenario};
-use sarah_sim::sil::SilConfig;
 use serde::Serialize;
 
 use super::StudyError;
-use super::overrides::drawn;
-use super::plan::{Condition, DRAW_SEED, EvaluationPlan, JUDGE_SEED, Learner, Plan, TrainingPlan};
+use super::plan::{EvaluationPlan, JUDGE_SEED, Learner, Plan, TrainingPlan};
 use super::sittings::{Sitting, Sittings};
 use super::unit::{Cell, SessionData, Unit};
 use crate::evaluate::{Controller, Watch, parallel, run_episode};
@@ -20,6 +17,7 @@ use crate::metrics::EpisodeResult;
 use crate::progress::Progress;
 use crate::report::columns;
 use crate::run::{Layout, RunError, RunFolder, RunInfo, read_metrics, read_text};
+use crate::task::robots::Robots;
 use crate::train::session::Session;
 
 /// Runs a study in `out`, or what is left of it.
@@ -90,8 +88,9 @@ impl Worker<'_> {
         match (unit, self.plan) {
             (Unit::Cell(cell), Plan::Evaluation(plan)) => self.save(&name, &self.cell(plan, cell, &name)?)?,
             (Unit::Start { arm }, Plan::Training(plan)) => {
-                let start = Controller::Constants(ParamSet::table_ii());
-                self.save(&name, &self.judge(plan, &plan.arms[*arm], &start, &name)?)?;
+                let arm = &plan.arms[*arm];
+                let start = Controller::Constants(arm.config.start.set());
+                self.save(&name, &self.judge(plan, arm, &start, &name)?)?;
             }
             (Unit::Chain { arm, seed }, Plan::Training(plan)) => {
                 self.save(&name, &self.chain(plan, &plan.arms[*arm], *seed, &name)?)?;
@@ -116,12 +115,12 @@ impl Worker<'_> {
     fn cell(&self, plan: &EvaluationPlan, cell: &Cell, name: &str) -> Result<Vec<EpisodeResult>, StudyError> {
         let controller = plan.arms[cell.arm].controller()?;
         let condition = &plan.conditions[cell.condition];
+        let robots = Robots::new(condition.robot.clone(), condition.draw.clone())?;
         let scenario = condition.scenario.with(&Overrides { impulse_n_s: cell.impulse_n_s, ..Overrides::default() })?;
         let episodes = 0..condition.episodes;
         let results = episodes.map(|index| {
             self.check()?;
-            let robot = robot_of(condition, plan.seed, index)?;
-            self.episode(&controller, &robot, &scenario, plan.seed, index, name)
+            self.episode(&controller, &robots, &scenario, plan.seed, index, name)
         });
         results.collect()
     }
@@ -134,10 +133,10 @@ impl Worker<'_> {
         controller: &Controller,
         name: &str,
     ) -> Result<Vec<EpisodeResult>, StudyError> {
-        let scenario = arm.config.train_scenario()?;
+        let (scenario, robots) = (arm.config.train_scenario()?, arm.config.robots()?);
         let results = (0..u64::from(plan.judged_episodes)).map(|index| {
             self.check()?;
-            self.episode(controller, &arm.config.robot, &scenario, plan.seed, index, name)
+            self.episode(controller, &robots, &scenario, plan.seed, index, name)
         });
         results.collect()
     }
@@ -145,33 +144,36 @@ impl Worker<'_> {
     fn episode(
         &self,
         controller: &Controller,
-        robot: &SilConfig,
+        robots: &Robots,
         scenario: &Scenario,
         seed: u64,
         index: u64,
         name: &str,
     ) -> Result<EpisodeResult, StudyError> {
-        let result = run_episode(controller, robot, &scenario.episode(JUDGE_SEED + seed, index), Watch::Nothing)?;
+        // The robot of an episode is the same for every arm and impulse.
+        let robot = robots.of((seed << 20) + index)?;
+        let result = run_episode(controller, &robot, &scenario.episode(JUDGE_SEED + seed, index), Watch::Nothing)?;
         self.progress.episode(Some(name.to_owned()));
         Ok(result)
     }
 
     fn chain(&self, plan: &TrainingPlan, arm: &Learner, seed: u64, name: &str) -> Result<Vec<SessionData>, StudyError> {
-        let mut base = ParamSet::table_ii();
+        let mut base = arm.config.start.set();
         let mut sessions = vec![];
         for (index, session) in plan.sessions.iter().enumerate() {
             let method = arm.config.methods[0];
             let place = self.folder.session(&format!("arms/{}", arm.name), seed, index as u8 + 1)?;
-            let mut training = Session::open(&arm.config, method, session.lpg(), base, seed, &place)?;
+            let mut training = Session::open(&arm.config, method, *session, base, seed, &place)?;
             self.progress.skip(training.episodes().min(plan.episodes).into());
             training.run(&arm.config, |_| {
                 self.progress.episode(Some(format!("{name} {}", session.name())));
                 self.check()
             })?;
             let trained = training.trained()?;
-            let controller = match trained.policy {
-                Some(policy) => Controller::Policy { policy: Box::new(policy), base, lpg: session.lpg() },
-                None => Controller::Constants(trained.constants),
+            let controller = trained.controller(base, *session);
+            let held = match &trained.policy {
+                Some(modulation) => self.judge(plan, arm, &Controller::Constants(modulation.mean), name)?,
+                None => vec![],
             };
             let metrics = read_metrics(&place.join("metrics.csv"))?;
             let column = |name| metrics.numbers(name).unwrap_or_default();
@@ -181,15 +183,10 @@ impl Worker<'_> {
                 broken: trained.broken,
                 set: trained.constants.values().to_vec(),
                 judged: self.judge(plan, arm, &controller, name)?,
+                held,
             });
             base = trained.constants;
         }
         Ok(sessions)
     }
-}
-
-/// The robot of an episode: the condition's, with this episode's own draw. The same for every arm and impulse.
-fn robot_of(condition: &Condition, seed: u64, index: u64) -> Result<SilConfig, StudyError> {
-    drawn(&condition.robot, &condition.draw, DRAW_SEED + (seed << 20) + index)
-        .map_err(|why| StudyError::Part { part: format!("condition {}", condition.name), why })
 }

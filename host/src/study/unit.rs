@@ -53,6 +53,9 @@ pub struct SessionData {
     pub set: Vec<f32>,
     /// What it is worth, on pushes that nobody trained on.
     pub judged: Vec<EpisodeResult>,
+    /// Of an agent whose action depends on the state: the set that it does on average, held, on the same pushes.
+    #[serde(default)]
+    pub held: Vec<EpisodeResult>,
 }
 
 impl Unit {

@@ -1,13 +1,14 @@
 //! The robot as the world an agent learns in: an observation, an action, a reward, once a second.
 
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use sarah_sim::robot::Health;
 use sarah_sim::scenario::Scenario;
-use sarah_sim::sil::SilConfig;
 use thiserror::Error;
 
+use super::action::Scope;
 use super::judge::Judge;
 use super::reward::RewardForm;
+use super::robots::Robots;
 use super::{action, observation};
 use crate::enaf::{End, EnvError, Environment, Outcome};
 use crate::link::sim::{LinkError, SLICE_US, SimRobot};
@@ -25,12 +26,12 @@ pub struct BrokenWorld {
     pub health: Health,
 }
 
-/// One session's world: the simulated robot, of which the agent moves one generator's parameters.
+/// One session's world: the simulated robot, of which the agent moves some parameters.
 pub struct RobotEnvironment {
-    config: SilConfig,
+    robots: Robots,
     scenario: Scenario,
     base: ParamSet,
-    lpg: Lpg,
+    scope: Scope,
     form: RewardForm,
     run: Option<Run>,
 }
@@ -47,9 +48,9 @@ pub fn horizon(scenario: &Scenario) -> usize {
 }
 
 impl RobotEnvironment {
-    /// A world in which `lpg` is trained and everything else is as in `base`.
-    pub fn new(config: SilConfig, scenario: Scenario, base: ParamSet, lpg: Lpg, form: RewardForm) -> Self {
-        RobotEnvironment { config, scenario, base, lpg, form, run: None }
+    /// A world in which `scope` is trained and everything else is as in `base`.
+    pub fn new(robots: Robots, scenario: Scenario, base: ParamSet, scope: Scope, form: RewardForm) -> Self {
+        RobotEnvironment { robots, scenario, base, scope, form, run: None }
     }
 
     /// Decisions in a full episode.
@@ -64,12 +65,12 @@ impl Environment for RobotEnvironment {
     }
 
     fn action_len(&self) -> usize {
-        action::len(self.lpg)
+        self.scope.range().len()
     }
 
     fn reset(&mut self, episode_seed: u64) -> Result<Vec<f32>, EnvError> {
         let episode = self.scenario.episode(episode_seed, 0);
-        let mut robot = SimRobot::start(&self.config, &episode)?;
+        let mut robot = SimRobot::start(&self.robots.of(episode_seed)?, &episode)?;
         robot.set_params(self.base);
         let health = robot.ready_at(episode.settle_s)?;
         if health != Health::Upright {
@@ -83,7 +84,7 @@ impl Environment for RobotEnvironment {
 
     fn decide(&mut self, action: &[f32]) -> Result<Outcome, EnvError> {
         let Some(run) = &mut self.run else { return Err(LinkError::Silent("deciding before the reset").into()) };
-        run.robot.set_params(action::decode(&self.base, self.lpg, action));
+        run.robot.set_params(action::decode(&self.base, self.scope, action));
         let mut second = vec![];
         for _ in 0..(DECISION_S * 1e6) as u64 / SLICE_US {
             let slice = run.robot.advance()?;

@@ -1,8 +1,9 @@
 //! What the agent sees of a decision: the telemetry of its second, condensed.
 //!
 //! ```text
-//!  16 channels: accelerometer x y z, gyro x y z, four pad loads, then per leg abductor, hip, knee (left, right)
-//!  3 numbers each: mean, last, half of the range           →  48 numbers, each about [-3, 3]
+//!  18 channels: accelerometer x y z, gyro x y z, lean (sagittal, lateral), four pad loads, then per leg abductor, hip,
+//!               knee (left, right)
+//!  3 numbers each: mean, last, half of the range           →  54 numbers, each about [-3, 3]
 //! ```
 //!
 //! Normalised by fixed physical ranges, so that an agent means the same on every robot and after every restart.
@@ -10,7 +11,7 @@
 use sarah_protocol::telemetry::Telemetry;
 
 /// Channels of one telemetry frame.
-pub const CHANNELS: usize = 16;
+pub const CHANNELS: usize = 18;
 /// Numbers in an observation.
 pub const LEN: usize = CHANNELS * 3;
 
@@ -35,11 +36,13 @@ pub fn loads_n(telemetry: &Telemetry) -> [f32; 4] {
     telemetry.loads.map(|load| load as f32 * 0.1)
 }
 
-/// The channels of one frame in units of their range: 5 m/s² about rest, 1 rad/s, 100 N about 100 N, 0.3 rad, 50 mm.
+/// The channels of one frame in units of their range: 5 m/s² about rest, 1 rad/s, 0.05 rad of lean, 100 N
+/// about 100 N, 0.3 rad of joint, 50 mm. Lean has the finest: ground that falls away by 3° is all that it shows of it.
 fn channels(telemetry: &Telemetry) -> [f32; CHANNELS] {
     let [ax, ay, az] = acceleration_m_s2(telemetry);
     let [gx, gy, gz] = rate_rad_s(telemetry);
     let [l0, l1, l2, l3] = loads_n(telemetry).map(|n| n / 100.0 - 1.0);
+    let [sagittal, lateral] = telemetry.lean.map(|lean| lean.to_f32() / 0.05);
     let [abd_l, hip_l, knee_l, abd_r, hip_r, knee_r] = telemetry.joints.map(|q| q.to_f32());
     let (turn, stroke) = (1.0 / 0.3, 1.0 / 0.05);
     [
@@ -49,6 +52,8 @@ fn channels(telemetry: &Telemetry) -> [f32; CHANNELS] {
         gx,
         gy,
         gz,
+        sagittal,
+        lateral,
         l0,
         l1,
         l2,

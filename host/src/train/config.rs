@@ -1,11 +1,15 @@
 //! What a training run does: resolved, validated, and saved with the run.
 
+use sarah_firmware::default_params;
+use sarah_protocol::params::ParamSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use toml::Table;
 
 use crate::enaf::{EnafConfig, EnafError, Form};
 use crate::link::port::Target;
 use crate::task::reward::RewardForm;
+use crate::task::robots::{DrawError, Robots};
 use sarah_sim::scenario::{Scenario, ScenarioError};
 use sarah_sim::sil::SilConfig;
 
@@ -21,6 +25,8 @@ pub enum Method {
     CmaEs,
     /// Random search over constants.
     Random,
+    /// A search over constants in a program of its own ([`crate::search::ExternalSearch`]).
+    External,
 }
 
 impl Method {
@@ -31,6 +37,7 @@ impl Method {
             Method::EnafPaper => "eNAF, paper's form",
             Method::CmaEs => "CMA-ES",
             Method::Random => "random search",
+            Method::External => "external search",
         }
     }
 
@@ -41,6 +48,28 @@ impl Method {
             Method::EnafPaper => "enaf-paper",
             Method::CmaEs => "cma-es",
             Method::Random => "random",
+            Method::External => "external",
+        }
+    }
+}
+
+/// What the first session begins with.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// The paper's Table II in our units.
+    #[default]
+    TableIi,
+    /// The set built into the firmware.
+    Default,
+}
+
+impl Start {
+    /// The set itself.
+    pub fn set(self) -> ParamSet {
+        match self {
+            Start::TableIi => ParamSet::table_ii(),
+            Start::Default => default_params(),
         }
     }
 }
@@ -55,8 +84,13 @@ pub struct TrainConfig {
     pub seeds: u64,
     /// Episodes per session and method.
     pub episodes: u32,
+    /// What the first session begins with.
+    pub start: Start,
     /// What is trained, ours first.
     pub methods: Vec<Method>,
+    /// Program and arguments of the method `external`, started where the trainer was.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub external: Vec<String>,
     /// Port of the robot that is trained, as --link has it; without it the simulated one is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<Target>,
@@ -82,6 +116,9 @@ pub struct TrainConfig {
     pub enaf: EnafConfig,
     /// The robot and its firmware.
     pub robot: SilConfig,
+    /// Ranges from which every episode draws changes of `robot`, as studies have them.
+    #[serde(skip_serializing_if = "Table::is_empty")]
+    pub draw: Table,
 }
 
 impl Default for TrainConfig {
@@ -90,7 +127,9 @@ impl Default for TrainConfig {
             seed: 1,
             seeds: 5,
             episodes: 120,
+            start: Start::default(),
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
+            external: vec![],
             link: None,
             scenario: "train".into(),
             scenario_as_run: None,
@@ -102,6 +141,7 @@ impl Default for TrainConfig {
             checkpoint_every: 5,
             enaf: EnafConfig::default(),
             robot: SilConfig::default(),
+            draw: Table::new(),
         }
     }
 }
@@ -126,6 +166,9 @@ pub enum ConfigError {
     /// The scenario.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// The robots.
+    #[error(transparent)]
+    Draw(#[from] DrawError),
     /// Not TOML, or not ours.
     #[error("{file}: {message}; `sarah train --print-config` shows a complete one")]
     Parse {
@@ -175,7 +218,7 @@ impl TrainConfig {
             ("seeds", (1..=1000).contains(&self.seeds), "1 to 1000"),
             ("seed", self.seed < 1 << 40, "below 2^40"),
             ("episodes", (1..=100_000).contains(&self.episodes), "1 to 100000"),
-            ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random"),
+            ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random, external"),
             ("validation_episodes", (2..=100_000).contains(&self.validation_episodes), "2 to 100000"),
             ("judged_episodes", (2..=100_000).contains(&self.judged_episodes), "2 to 100000"),
             ("grid_repeats", (1..=1000).contains(&self.grid_repeats), "1 to 1000"),
@@ -201,9 +244,19 @@ impl TrainConfig {
         if self.link.is_some() && (self.methods != [Method::Enaf] || self.seeds != 1) {
             return Err(ConfigError::Field { field: "methods and seeds", rule: "[\"enaf\"] and 1 on a robot" });
         }
+        if self.methods.contains(&Method::External) == self.external.is_empty() {
+            let rule = "a program and its arguments, with the method external and only with it";
+            return Err(ConfigError::Field { field: "external", rule });
+        }
         self.enaf.validate()?;
+        self.robots()?;
         self.train_scenario()?;
         Ok(())
+    }
+
+    /// The robots that are trained.
+    pub fn robots(&self) -> Result<Robots, DrawError> {
+        Robots::new(self.robot.clone(), self.draw.clone())
     }
 
     /// The training scenario.

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use sarah_protocol::params::{Lpg, ParamSet, SPECS};
+use sarah_protocol::params::{ParamSet, SPECS};
 use serde::{Deserialize, Serialize};
 
 use super::TrainError;
 use crate::enaf::{EnafError, EpisodeLog};
 use crate::report::columns;
 use crate::run::{MetricsCsv, write_atomic};
+use crate::task::action::Scope;
 
 /// Version of the checkpoint's layout.
 const FORMAT: u32 = 1;
@@ -25,7 +26,7 @@ struct Checkpoint {
 
 /// The journal of one session.
 pub struct Journal {
-    lpg: Lpg,
+    scope: Scope,
     metrics: MetricsCsv,
     checkpoint: PathBuf,
     episodes: u32,
@@ -60,21 +61,21 @@ impl From<&EpisodeLog> for Row {
 
 impl Journal {
     /// Begins a session's journal in `folder`, or takes it up; with the learner as it was saved last.
-    pub fn open(lpg: Lpg, folder: &Path) -> Result<(Journal, Option<Vec<u8>>), TrainError> {
+    pub fn open(scope: Scope, folder: &Path) -> Result<(Journal, Option<Vec<u8>>), TrainError> {
         let checkpoint = folder.join("checkpoint.bin");
         let saved = match std::fs::read(&checkpoint) {
             Ok(bytes) => Some(decode(&checkpoint, &bytes)?),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
             Err(error) => return Err(TrainError::Read { path: checkpoint, source: error }),
         };
-        let names = columns_of(lpg);
+        let names = columns_of(scope);
         let metrics = MetricsCsv::open(
             &folder.join("metrics.csv"),
             &names.iter().map(String::as_str).collect::<Vec<_>>(),
             saved.as_ref().map(|saved| saved.metrics_bytes),
         )?;
         let (episodes, broken) = saved.as_ref().map_or((0, 0), |saved| (saved.episodes, saved.broken));
-        Ok((Journal { lpg, metrics, checkpoint, episodes, broken }, saved.map(|saved| saved.learner)))
+        Ok((Journal { scope, metrics, checkpoint, episodes, broken }, saved.map(|saved| saved.learner)))
     }
 
     /// Episodes done.
@@ -106,7 +107,7 @@ impl Journal {
             Some(learning) => fields.extend(learning.map(Some)),
             None => fields.extend([None; 4]),
         }
-        fields.extend(set.values()[self.lpg.range()].iter().map(|value| Some(f64::from(*value))));
+        fields.extend(set.values()[self.scope.range()].iter().map(|value| Some(f64::from(*value))));
         self.metrics.append(fields)?;
         self.episodes += 1;
         Ok(())
@@ -137,7 +138,7 @@ impl Journal {
     }
 }
 
-fn columns_of(lpg: Lpg) -> Vec<String> {
+fn columns_of(scope: Scope) -> Vec<String> {
     let fixed = [
         columns::EPISODE,
         columns::TIME_S,
@@ -150,7 +151,7 @@ fn columns_of(lpg: Lpg) -> Vec<String> {
         "value",
         "sigma",
     ];
-    fixed.iter().copied().chain(SPECS[lpg.range()].iter().map(|spec| spec.symbol)).map(String::from).collect()
+    fixed.iter().copied().chain(SPECS[scope.range()].iter().map(|spec| spec.symbol)).map(String::from).collect()
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<Checkpoint, TrainError> {

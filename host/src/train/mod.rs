@@ -18,7 +18,7 @@ pub mod session;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use sarah_protocol::session::SessionError;
 use thiserror::Error;
 
@@ -32,6 +32,8 @@ use crate::live::trainer::{Reached, Robot};
 use crate::progress::Progress;
 use crate::recording::RecordingError;
 use crate::run::{RunError, RunFolder, RunInfo, event_file, read_metrics};
+use crate::search::SearchError;
+use crate::task::action::Scope;
 
 pub use config::{ConfigError, Method, TrainConfig};
 use session::{Session, Trained};
@@ -107,6 +109,9 @@ pub enum TrainError {
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A search of somebody else's.
+    #[error(transparent)]
+    Search(#[from] SearchError),
     /// A figure.
     #[error("{0}")]
     Figure(String),
@@ -124,6 +129,8 @@ pub struct Chain {
     pub seed: u64,
     /// After each session.
     pub sessions: Vec<Trained>,
+    /// What the first of them began with.
+    pub start: ParamSet,
 }
 
 impl Chain {
@@ -131,7 +138,7 @@ impl Chain {
     pub fn base(&self, index: usize) -> ParamSet {
         match index.checked_sub(1) {
             Some(before) => self.sessions[before].constants,
-            None => ParamSet::table_ii(),
+            None => self.start,
         }
     }
 }
@@ -170,7 +177,9 @@ pub fn train(config: &TrainConfig, out: &Path, operator: &Operator) -> Result<Pa
     let robot = operator.robot(config)?;
     if robot.is_none() {
         let episode = config.train_scenario().map_err(ConfigError::from)?.episode(config.seed, 0);
-        SimRobot::start(&config.robot, &episode).map_err(EvaluateError::from)?;
+        for robot in config.robots().and_then(|robots| robots.extremes()).map_err(ConfigError::from)? {
+            SimRobot::start(&robot, &episode).map_err(EvaluateError::from)?;
+        }
     }
     let seeds = (config.seed..config.seed + config.seeds).collect();
     let info = RunInfo::collect(seeds, Path::new(env!("CARGO_MANIFEST_DIR")));
@@ -254,11 +263,11 @@ fn chain(
     progress: &Progress,
     failed: &AtomicBool,
 ) -> Result<Chain, TrainError> {
-    let mut chain = Chain { method, seed, sessions: vec![] };
-    for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
+    let mut chain = Chain { method, seed, sessions: vec![], start: config.start.set() };
+    for (index, scope) in Scope::SESSIONS.into_iter().enumerate() {
         let number = index as u8 + 1;
         let place = folder.session(method.folder(), seed, number)?;
-        let mut session = Session::open(config, method, lpg, chain.base(index), seed, &place)?;
+        let mut session = Session::open(config, method, scope, chain.base(index), seed, &place)?;
         progress.skip(session.episodes().min(config.episodes).into());
         let mut recent = vec![];
         session.run(config, |reward| {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use sarah_firmware::default_params;
-use sarah_protocol::params::{Lpg, ParamSet, SPECS};
+use sarah_protocol::params::{ParamSet, SPECS};
 use sarah_sim::scenario::{Overrides, Scenario};
 
 use super::{Chain, ConfigError, Method, TrainConfig, TrainError};
@@ -20,7 +20,9 @@ use crate::run::{
     Layout, MetricsTable, Origin, RunError, RunFolder, RunInfo, param_set_text, param_specs, read_metrics, read_text,
     write_atomic,
 };
+use crate::task::action::Scope;
 use crate::task::reward::RewardForm;
+use crate::task::robots::Robots;
 
 /// Seeds of judging lie here, those of training below 2^40·10 + 2: no push is both trained on and judged on.
 const JUDGE_SEED: u64 = 1 << 60;
@@ -48,18 +50,11 @@ pub fn judge(
 ) -> Result<RunReport, TrainError> {
     progress.phase("judging every session on common pushes");
     let judge = Judge { config, folder, progress, scenario: config.train_scenario().map_err(ConfigError::from)? };
-    let start = judge.rewards("start", &Controller::Constants(ParamSet::table_ii()))?;
+    let start = judge.rewards("start", &Controller::Constants(config.start.set()))?;
     let mut judged = BTreeMap::new();
     for chain in chains {
         for (index, trained) in chain.sessions.iter().enumerate() {
-            let controller = match &trained.policy {
-                Some(policy) => Controller::Policy {
-                    policy: Box::new(policy.clone()),
-                    base: chain.base(index),
-                    lpg: Lpg::ALL[index],
-                },
-                None => Controller::Constants(trained.constants),
-            };
+            let controller = trained.controller(chain.base(index), Scope::SESSIONS[index]);
             let name = format!("{}-seed-{}-session-{}", chain.method.folder(), chain.seed, index + 1);
             judged.insert((chain.method, chain.seed, index), judge.rewards(&name, &controller)?);
         }
@@ -126,7 +121,7 @@ pub fn write_report(layout: &Layout, report: &RunReport) -> Result<(), TrainErro
     let config_text = read_text(&layout.config())?;
     let config = TrainConfig::parse(&layout.config().display().to_string(), &config_text)?;
     let mut curves = vec![];
-    for (index, lpg) in Lpg::ALL.into_iter().enumerate() {
+    for (index, scope) in Scope::SESSIONS.into_iter().enumerate() {
         let mut agents: Vec<(&str, Vec<MetricsTable>)> = vec![];
         for method in &config.methods {
             let tables: Result<Vec<_>, _> = (config.seed..config.seed + config.seeds)
@@ -135,7 +130,7 @@ pub fn write_report(layout: &Layout, report: &RunReport) -> Result<(), TrainErro
             agents.push((method.name(), tables?));
         }
         let specs = param_specs();
-        curves.push(session_curves(index as u8 + 1, &specs[lpg.range()], &agents));
+        curves.push(session_curves(index as u8 + 1, &specs[scope.range()], &agents));
     }
     let figures = draw_figures(report, &curves);
     std::fs::create_dir_all(layout.figures()).map_err(RunError::io("create", &layout.figures()))?;
@@ -162,16 +157,9 @@ struct Judge<'a> {
 impl Judge<'_> {
     /// Rewards on the training scenario with pushes of the judge's own, one per episode.
     fn rewards(&self, name: &str, controller: &Controller) -> Result<Vec<f64>, TrainError> {
-        let results = self.kept(name, controller, &self.scenario, self.config.judged_episodes.into())?;
-        Ok(results
-            .iter()
-            .map(|result| {
-                f64::from(match self.config.reward {
-                    RewardForm::Paper => result.reward_paper,
-                    RewardForm::Gated => result.reward_gated,
-                })
-            })
-            .collect())
+        let robots = self.config.robots().map_err(ConfigError::from)?;
+        let results = self.kept(name, controller, &robots, &self.scenario, self.config.judged_episodes.into())?;
+        Ok(results.iter().map(|result| result.reward(self.config.reward).into()).collect())
     }
 
     /// Results from the folder, or made now and kept there.
@@ -179,6 +167,7 @@ impl Judge<'_> {
         &self,
         name: &str,
         controller: &Controller,
+        robots: &Robots,
         scenario: &Scenario,
         count: u64,
     ) -> Result<Vec<EpisodeResult>, TrainError> {
@@ -187,9 +176,8 @@ impl Judge<'_> {
             self.progress.skip(count);
             return decode(&path, &read_text(&path)?);
         }
-        let robot = &self.config.robot;
         let done = || self.progress.episode(None);
-        let results = run_many(controller, robot, scenario, JUDGE_SEED + self.config.seed, count, &done)?;
+        let results = run_many(controller, robots, scenario, JUDGE_SEED + self.config.seed, count, &done)?;
         self.folder.write_evaluated(name, &json(&results)?)?;
         Ok(results)
     }
@@ -214,10 +202,11 @@ impl Judge<'_> {
             ("default".to_owned(), "default", Controller::Constants(default_params())),
             ("braked".to_owned(), "braked", Controller::Braked),
         ];
+        let robots = Robots::alike(self.config.robot.clone());
         let mut controllers = vec![];
         for (label, file, controller) in trained.chain(others) {
             let count = u64::from(DIRECTIONS * repeats);
-            let results = self.kept(&format!("grid-{impulse}-{file}"), &controller, &scenario, count)?;
+            let results = self.kept(&format!("grid-{impulse}-{file}"), &controller, &robots, &scenario, count)?;
             let mut report = ControllerReport::new(&label, "push-grid", &results);
             report.summary.autonomy = autonomy(&self.config.robot.energy, &results);
             controllers.push(report);
@@ -279,7 +268,7 @@ fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Vec<
         symbol: spec.symbol.into(),
         unit: spec.unit.into(),
         what: spec.meaning.into(),
-        start: ParamSet::table_ii().values()[index].into(),
+        start: config.start.set().values()[index].into(),
         trained: chains
             .iter()
             .filter(|chain| Some(&chain.method) == ours)

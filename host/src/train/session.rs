@@ -1,21 +1,22 @@
 //! One training session of one method and seed, episode by episode.
 
-use sarah_protocol::params::{Lpg, ParamSet};
+use sarah_protocol::params::ParamSet;
 use serde::{Deserialize, Serialize};
 
 use super::TrainError;
 use super::config::{Method, TrainConfig};
 use super::journal::{Journal, Row};
+use crate::enaf::trainer::episode_seed;
 use crate::enaf::{EnafError, Policy, Trainer};
 use crate::evaluate::{Controller, Watch, run_episode};
 use crate::run::{read_text, write_atomic};
-use crate::search::{CmaEs, RandomSearch, Search, run_constant};
-use crate::task::action;
+use crate::search::{CmaEs, ExternalSearch, RandomSearch, Search, run_constant};
+use crate::task::action::{self, Scope};
 use crate::task::environment::{BrokenWorld, RobotEnvironment};
 use crate::task::observation;
 use crate::task::reward::RewardForm;
+use crate::task::robots::Robots;
 use sarah_sim::scenario::Scenario;
-use sarah_sim::sil::SilConfig;
 
 /// Seeds of validation lie here, between those of training and of judging.
 const VALIDATION_SEED: u64 = 1 << 59;
@@ -28,11 +29,11 @@ enum Learner {
 /// Where a session stands.
 pub struct Session {
     method: Method,
-    lpg: Lpg,
+    scope: Scope,
     base: ParamSet,
     seed: u64,
     scenario: Scenario,
-    robot: SilConfig,
+    robots: Robots,
     reward: RewardForm,
     validation_episodes: u32,
     env: RobotEnvironment,
@@ -46,9 +47,28 @@ pub struct Trained {
     /// The set to hardcode.
     pub constants: ParamSet,
     /// The agent, where there is one whose action depends on the state.
-    pub policy: Option<Policy>,
+    pub policy: Option<Modulation>,
     /// Episodes that the simulation spoilt.
     pub broken: u32,
+}
+
+/// An agent whose action depends on the state.
+#[derive(Clone, Debug)]
+pub struct Modulation {
+    /// The agent.
+    pub policy: Policy,
+    /// The set that it does on average: what its dependence on the state has to beat.
+    pub mean: ParamSet,
+}
+
+impl Trained {
+    /// What balances after the session: the agent, if its action depends on the state, else the constants.
+    pub fn controller(&self, base: ParamSet, scope: Scope) -> Controller {
+        match &self.policy {
+            Some(Modulation { policy, .. }) => Controller::Policy { policy: Box::new(policy.clone()), base, scope },
+            None => Controller::Constants(self.constants),
+        }
+    }
 }
 
 /// Whether a session's constants are better than its start.
@@ -78,17 +98,18 @@ impl Session {
     pub fn open(
         config: &TrainConfig,
         method: Method,
-        lpg: Lpg,
+        scope: Scope,
         base: ParamSet,
         seed: u64,
         folder: &std::path::Path,
     ) -> Result<Session, TrainError> {
         let scenario = config.train_scenario().map_err(super::ConfigError::from)?;
-        let env = RobotEnvironment::new(config.robot.clone(), scenario.clone(), base, lpg, config.reward);
+        let robots = config.robots().map_err(super::ConfigError::from)?;
+        let env = RobotEnvironment::new(robots.clone(), scenario.clone(), base, scope, config.reward);
         // Sessions of one seed see different worlds, methods of one seed the same.
-        let seed = seed * 10 + lpg as u64;
-        let (journal, saved) = Journal::open(lpg, folder)?;
-        let start = action::encode(&base, lpg);
+        let seed = seed * 10 + scope as u64;
+        let (journal, saved) = Journal::open(scope, folder)?;
+        let start = action::encode(&base, scope);
         let budget = config.episodes as usize;
         let learner = match method {
             Method::Enaf | Method::EnafPaper => {
@@ -98,20 +119,21 @@ impl Session {
                     None => Trainer::new(&enaf, observation::LEN, &start, seed)?,
                 }))
             }
-            Method::CmaEs | Method::Random => {
+            Method::CmaEs | Method::Random | Method::External => {
                 let told: Vec<f32> = match &saved {
                     Some(saved) => postcard::from_bytes(saved).map_err(|error| journal.unusable(error))?,
                     None => vec![],
                 };
                 let search: Box<dyn Search + Send> = match method {
                     Method::Random => Box::new(RandomSearch::new(&start, budget, seed, told.clone())),
+                    Method::External => Box::new(ExternalSearch::new(&config.external, &start, budget, seed, &told)?),
                     _ => Box::new(CmaEs::new(&start, seed, told.clone())),
                 };
                 Learner::Search { search, told }
             }
         };
-        let (robot, reward, validation_episodes) = (config.robot.clone(), config.reward, config.validation_episodes);
-        Ok(Session { method, lpg, base, seed, scenario, robot, reward, validation_episodes, env, learner, journal })
+        let (reward, validation_episodes) = (config.reward, config.validation_episodes);
+        Ok(Session { method, scope, base, seed, scenario, robots, reward, validation_episodes, env, learner, journal })
     }
 
     /// Episodes done.
@@ -125,17 +147,17 @@ impl Session {
         let (row, set) = match &mut self.learner {
             Learner::Enaf(trainer) => {
                 let log = enaf_episode(trainer, &mut self.env, &mut broken)?;
-                (Row::from(&log), action::decode(&self.base, self.lpg, &log.mu_mean))
+                (Row::from(&log), action::decode(&self.base, self.scope, &log.mu_mean))
             }
             Learner::Search { search, told } => {
-                let action = search.ask();
+                let action = search.ask()?;
                 let (horizon, episode) = (self.env.horizon(), self.journal.episodes());
                 let done = search_episode(&mut self.env, &action, self.seed, episode, horizon, &mut broken)?;
-                search.tell(done.reward);
+                search.tell(done.reward)?;
                 told.push(done.reward);
                 let (reward, fell, decisions) = (done.reward, done.fell, done.decisions);
                 let row = Row { reward, fell, noisy: true, decisions, learning: None };
-                (row, action::decode(&self.base, self.lpg, &action))
+                (row, action::decode(&self.base, self.scope, &action))
             }
         };
         self.journal.spoilt(broken);
@@ -176,8 +198,8 @@ impl Session {
     /// Constants are handed on only if they beat the session's start on the mean of
     /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a
     /// session that had nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
-    pub fn trained(&self) -> Result<Trained, TrainError> {
-        let mut trained = self.candidate();
+    pub fn trained(&mut self) -> Result<Trained, TrainError> {
+        let mut trained = self.candidate()?;
         if self.method != Method::EnafPaper && trained.constants != self.base {
             let path = self.journal.beside("validation.json");
             let validation = if path.exists() {
@@ -201,25 +223,24 @@ impl Session {
     fn differences(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
         let reward = |set: &ParamSet, index: u64| {
             let episode = self.scenario.episode(VALIDATION_SEED + self.seed, index);
-            let result = run_episode(&Controller::Constants(*set), &self.robot, &episode, Watch::Nothing)?;
-            Ok::<f32, TrainError>(match self.reward {
-                RewardForm::Paper => result.reward_paper,
-                RewardForm::Gated => result.reward_gated,
-            })
+            let robot =
+                self.robots.of(episode_seed(VALIDATION_SEED + self.seed, index)).map_err(super::ConfigError::from)?;
+            let result = run_episode(&Controller::Constants(*set), &robot, &episode, Watch::Nothing)?;
+            Ok::<f32, TrainError>(result.reward(self.reward))
         };
         (0..u64::from(self.validation_episodes))
             .map(|index| Ok(reward(set, index)? - reward(&self.base, index)?))
             .collect()
     }
 
-    fn candidate(&self) -> Trained {
-        let (constants, policy) = match &self.learner {
-            Learner::Enaf(trainer) => {
-                (trainer.mean_action(), (self.method == Method::EnafPaper).then(|| trainer.policy()))
-            }
-            Learner::Search { search, .. } => (search.recommend(), None),
+    fn candidate(&mut self) -> Result<Trained, TrainError> {
+        let (constants, policy) = match &mut self.learner {
+            Learner::Enaf(trainer) => (trainer.mean_action(), trainer.modulates().then(|| trainer.policy())),
+            Learner::Search { search, .. } => (search.recommend()?, None),
         };
-        Trained { constants: action::decode(&self.base, self.lpg, &constants), policy, broken: self.journal.broken() }
+        let constants = action::decode(&self.base, self.scope, &constants);
+        let policy = policy.map(|policy| Modulation { policy, mean: constants });
+        Ok(Trained { constants, policy, broken: self.journal.broken() })
     }
 }
 
@@ -252,7 +273,7 @@ fn search_episode(
 ) -> Result<crate::search::ConstantEpisode, TrainError> {
     let mut attempt = 0u64;
     loop {
-        let world = crate::enaf::trainer::episode_seed(seed, u64::from(episode) + (attempt << 32));
+        let world = episode_seed(seed, u64::from(episode) + (attempt << 32));
         match run_constant(env, action, world, horizon) {
             Err(error) if error.is::<BrokenWorld>() => {
                 *broken += 1;

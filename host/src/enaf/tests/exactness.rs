@@ -7,7 +7,7 @@ use crate::enaf::agent::Agent;
 use crate::enaf::encoder::tanh;
 use crate::enaf::learner::{Learner, lambda_returns};
 use crate::enaf::model::{Network, Part, Shape};
-use crate::enaf::replay::{Batch, Episode};
+use crate::enaf::replay::{Batch, Episode, Replay};
 use crate::enaf::{EnafConfig, Form};
 
 fn shape(form: Form, recurrent: bool) -> Shape {
@@ -200,4 +200,34 @@ fn the_fitted_tanh_is_tanh() {
         assert!((tanh(x) - x.tanh()).abs() < 3e-7, "{x}");
     }
     assert!(tanh(f32::NAN).is_nan() && tanh(f32::INFINITY) <= 1.0 && tanh(-1e30) >= -1.0);
+}
+
+#[test]
+fn a_piece_is_a_run_of_one_episode_s_decisions_and_falls_only_at_its_end() {
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    let shape = shape(Form::Paper, true);
+    let mut replay = Replay::new(10, Pcg64Mcg::seed_from_u64(5));
+    assert_eq!(replay.draw_pieces(3, 4, shape.input(), shape.action), None);
+    let stored = [episode(&mut rng, &shape, 7, true), episode(&mut rng, &shape, 2, false)];
+    stored.iter().for_each(|episode| replay.push(episode.clone()));
+    let batch = replay.draw_pieces(200, 4, shape.input(), shape.action).unwrap();
+    let mut begun = std::collections::BTreeSet::new();
+    for column in 0..200 {
+        let length = batch.lengths[column];
+        let rewards: Vec<f32> = (0..length).map(|step| batch.rewards[step * 200 + column]).collect();
+        let found = stored.iter().enumerate().find_map(|(number, episode)| {
+            let at = episode.rewards.windows(length).position(|window| window == rewards)?;
+            Some((number, at, episode))
+        });
+        let (number, at, episode) = found.expect("pieces are cut from what is stored");
+        begun.insert((number, at));
+        assert_eq!(length, 4.min(episode.rewards.len() - at));
+        assert_eq!(batch.fell[column], episode.fell && at + length == episode.rewards.len());
+        let last = (length * 200 + column) * shape.input();
+        assert_eq!(
+            batch.inputs[last..][..shape.input()],
+            episode.inputs[(at + length) * shape.input()..][..shape.input()]
+        );
+    }
+    assert_eq!(begun.len(), 9, "every decision begins some piece");
 }

@@ -5,13 +5,14 @@ use sarah_protocol::session::NotNow;
 use sarah_sim::robot::Geometry;
 
 use super::*;
+use crate::task::action::Scope;
 use crate::task::odometry::Odometry;
 
 /// Between two telemetry frames, µs.
 const FRAME_US: u64 = 10_000;
 
 fn task() -> Task {
-    Task { lpg: Lpg::Knee, base: ParamSet::table_ii(), reward: RewardForm::Gated, horizon: 3, episodes: 2 }
+    Task { scope: Scope::Knee, base: ParamSet::table_ii(), reward: RewardForm::Gated, horizon: 3, episodes: 2 }
 }
 
 /// A robot that does what its fields say, and the collector that hears it.

@@ -1,0 +1,150 @@
+//! A search that somebody else wrote: a program that proposes, line by line, on its standard input and output.
+//!
+//! ```text
+//!  to it    {"start": [0.1, -0.3], "episodes": 60, "seed": 11}     first; every number of a point lies in [-1, 1]
+//!  from it  [0.2, -0.1]                                            the next point to try
+//!  to it    {"reward": 0.31}                                       what one episode there earned; it answers with the next
+//!  to it    {"recommend": true}                                    it answers with the point to keep
+//! ```
+//!
+//! It must propose the same points for the same seed and rewards: a run that was cut off tells it all rewards again.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use serde::Serialize;
+
+use super::{Search, SearchError};
+
+/// A search in another process, which ends with it.
+pub struct ExternalSearch {
+    name: String,
+    process: Child,
+    to: Option<ChildStdin>,
+    from: BufReader<ChildStdout>,
+    dimensions: usize,
+    next: Vec<f32>,
+}
+
+#[derive(Serialize)]
+struct Begin<'a> {
+    start: &'a [f32],
+    episodes: usize,
+    seed: u64,
+}
+
+#[derive(Serialize)]
+struct Told {
+    reward: f32,
+}
+
+#[derive(Serialize)]
+struct Recommend {
+    recommend: bool,
+}
+
+impl ExternalSearch {
+    /// Starts `command` (a program and its arguments) and tells it what was found so far.
+    pub fn new(
+        command: &[String],
+        start: &[f32],
+        episodes: usize,
+        seed: u64,
+        rewards: &[f32],
+    ) -> Result<ExternalSearch, SearchError> {
+        let [program, arguments @ ..] = command else { return Err(SearchError::NoCommand) };
+        let name = command.join(" ");
+        let failed = |source| SearchError::Start { command: name.clone(), source };
+        let mut process = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(failed)?;
+        let (to, from) = (process.stdin.take(), process.stdout.take());
+        let from = BufReader::new(from.ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?);
+        let mut search =
+            ExternalSearch { name: name.clone(), process, to, from, dimensions: start.len(), next: vec![] };
+        search.next = search.question(&Begin { start, episodes, seed })?;
+        for reward in rewards {
+            search.tell(*reward)?;
+        }
+        Ok(search)
+    }
+
+    fn question<T: Serialize>(&mut self, question: &T) -> Result<Vec<f32>, SearchError> {
+        let lost = |source| SearchError::Lost { command: self.name.clone(), source };
+        let mut line = serde_json::to_string(question).map_err(|error| lost(error.into()))?;
+        line.push('\n');
+        let to = self.to.as_mut().ok_or_else(|| lost(std::io::ErrorKind::BrokenPipe.into()))?;
+        to.write_all(line.as_bytes()).and_then(|()| to.flush()).map_err(lost)?;
+        let mut answer = String::new();
+        if self.from.read_line(&mut answer).map_err(lost)? == 0 {
+            return Err(lost(std::io::ErrorKind::UnexpectedEof.into()));
+        }
+        let point: Option<Vec<f32>> = serde_json::from_str(&answer).ok();
+        point
+            .filter(|point| point.len() == self.dimensions && point.iter().all(|u| (-1.0..=1.0).contains(u)))
+            .ok_or_else(|| SearchError::Answer {
+                command: self.name.clone(),
+                answer: answer.trim().chars().take(80).collect(),
+                dimensions: self.dimensions,
+            })
+    }
+}
+
+impl Search for ExternalSearch {
+    fn ask(&mut self) -> Result<Vec<f32>, SearchError> {
+        Ok(self.next.clone())
+    }
+
+    fn tell(&mut self, reward: f32) -> Result<(), SearchError> {
+        self.next = self.question(&Told { reward })?;
+        Ok(())
+    }
+
+    fn recommend(&mut self) -> Result<Vec<f32>, SearchError> {
+        self.question(&Recommend { recommend: true })
+    }
+}
+
+impl Drop for ExternalSearch {
+    fn drop(&mut self) {
+        // At the end of its input it should end; one that does not is ended, so that none outlives the run.
+        self.to = None;
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers every line with the next of `answers`.
+    fn shell(answers: &[&str]) -> Vec<String> {
+        let script: String = answers.iter().map(|answer| format!("read line; echo '{answer}'; ")).collect();
+        ["sh", "-c", &script].map(String::from).to_vec()
+    }
+
+    #[test]
+    fn it_hears_the_past_again_and_proposes_what_comes_next() {
+        let command = shell(&["[0.1, 0.2]", "[0.3, 0.4]", "[0.5, 0.6]", "[-1, 1]"]);
+        let mut search = ExternalSearch::new(&command, &[0.0, 0.0], 60, 1, &[0.7]).unwrap();
+        assert_eq!(search.ask().unwrap(), [0.3, 0.4]);
+        search.tell(0.9).unwrap();
+        assert_eq!(search.ask().unwrap(), [0.5, 0.6]);
+        assert_eq!(search.recommend().unwrap(), [-1.0, 1.0]);
+    }
+
+    #[test]
+    fn programs_that_are_missing_end_early_or_talk_nonsense_are_named() {
+        let error = |command: &[String]| ExternalSearch::new(command, &[0.0], 60, 1, &[]).err().unwrap().to_string();
+        assert!(error(&[]).contains("external"));
+        assert!(error(&["/no/such/program".into()]).contains("/no/such/program"));
+        assert!(error(&shell(&[])).contains("sh -c"));
+        for nonsense in ["hello", "[0.1, 0.2]", "[2.0]"] {
+            assert!(error(&shell(&[nonsense])).contains(nonsense), "{nonsense}");
+        }
+    }
+}
