@@ -15,7 +15,7 @@ const CHUNK: usize = 1024;
 pub struct Terminal {
     near: TTYPort,
     /// The host's end, held open so that a host may come and go.
-    _far: OwnedFd,
+    far: OwnedFd,
     path: String,
     pending: Vec<u8>,
 }
@@ -29,7 +29,7 @@ impl Terminal {
         // SAFETY: the descriptor was ours alone and is given away here.
         let mut near = unsafe { TTYPort::from_raw_fd(near.into_raw_fd()) };
         near.set_timeout(Duration::from_millis(1))?;
-        Ok(Terminal { near, _far: far, path, pending: vec![] })
+        Ok(Terminal { near, far, path, pending: vec![] })
     }
 
     /// Path of the host's end.
@@ -48,6 +48,11 @@ impl Terminal {
                 Err(error) if idle(&error) => {}
                 Err(error) => return Err(error.into()),
             }
+        }
+        if heard.is_empty() {
+            // A host that was killed leaves the terminal marked as exclusive for as long as this end is open. A living one
+            // holds a lock on it as well, which keeps others out.
+            rustix::termios::ioctl_tiocnxcl(&self.far).map_err(std::io::Error::from)?;
         }
         self.pending.extend(said);
         if !self.pending.is_empty() {
