@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use sarah_firmware::lpg::Drive;
+use sarah_firmware::lpg::rules::KNEE;
 use sarah_firmware::node::{self, Node, NodeConfig, NodeKind, Outputs, Sensors};
 use sarah_protocol::bus::{Gait, GaitEvent, HaltReason, Message, Mode, Motion, NodeId, Side, Stage, Staged, limits};
 use sarah_protocol::fixed::Q16;
@@ -31,6 +32,16 @@ fn armed(rotation: f64) -> Message {
         slow_rate: [Q16::lit(rotation); 2],
         ..Motion::default()
     })
+}
+
+/// A knee that was armed and has stood still since.
+fn standing_knee() -> NodeKind {
+    let mut knee = node(NodeId::Knee);
+    for _ in 0..KNEE.stand_us / DT {
+        knee.on_message(&armed(0.0));
+        knee.tick(DT, &standing());
+    }
+    knee
 }
 
 fn stage(generation: u32) -> Message {
@@ -105,7 +116,7 @@ fn an_older_generation_is_ignored() {
 
 #[test]
 fn parameters_never_change_inside_a_cycle() {
-    let mut knee = node(NodeId::Knee);
+    let mut knee = standing_knee();
     knee.on_message(&armed(1.0));
     let out = knee.tick(DT, &standing());
     assert_eq!(flags(&out), [(GaitEvent::CycleStart, 0)]);
@@ -170,7 +181,7 @@ fn nothing_moves_before_the_coordinator_armed() {
 
 #[test]
 fn a_halt_brakes_in_the_next_tick_and_outlives_armed_messages_under_way() {
-    let mut knee = node(NodeId::Knee);
+    let mut knee = standing_knee();
     knee.on_message(&armed(1.0));
     assert_ne!(knee.tick(DT, &standing()).drive, [Drive::Brake; 2]);
     knee.on_message(&Message::Halt(HaltReason::EmergencyStop));
@@ -186,7 +197,7 @@ fn a_halt_brakes_in_the_next_tick_and_outlives_armed_messages_under_way() {
 
 #[test]
 fn a_silent_coordinator_lets_the_cycle_finish_and_starts_no_other() {
-    let mut knee = node(NodeId::Knee);
+    let mut knee = standing_knee();
     knee.on_message(&armed(1.0));
     let mut ended_at = None;
     for tick in 0..3_000 {

@@ -6,7 +6,7 @@
 //!    ▲  one foot loaded, ξ high, rested longer    (CycleStart or Recovery)          │ −Step
 //!    │  calm, a leg away from rest                                                  ▼
 //!    └────────────── at rest height, or loaded again and still falling ───────── Extend
-//!      (CycleEnd)                        (LiftOff when the foot unloads, Touchdown when it loads)
+//!      (CycleEnd)                        (LiftOff when the foot unloads or has been pulled up, Touchdown when it loads)
 //! ```
 //!
 //! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them; once the robot is
@@ -108,6 +108,16 @@ pub struct Knee {
     patience_us: u32,
     /// A recovery was made since the last step.
     recovering: bool,
+    /// Since the swing foot was pulled up, until the pads said so: so late they are.
+    late_us: u32,
+    /// They have said so in this cycle.
+    unloaded: bool,
+    /// For so long the leg has waited at rest height for what the pads will say.
+    waited_us: u32,
+    /// The robot has stood still since it may move, or has been let off it.
+    stood: bool,
+    /// For so long it may move, and for so long it has stood still meanwhile.
+    standing_us: (u32, u32),
 }
 
 impl Knee {
@@ -130,6 +140,11 @@ impl Knee {
             calm_us: 0,
             patience_us: rules.calm_us,
             recovering: false,
+            late_us: 0,
+            unloaded: false,
+            waited_us: 0,
+            stood: false,
+            standing_us: (0, 0),
         }
     }
 
@@ -153,8 +168,10 @@ impl Knee {
         self.cycle
     }
 
-    /// Ends the cycle where it is. True if one was running.
+    /// Ends the cycle where it is: the robot may not move. True if one was running.
     pub fn abort(&mut self) -> bool {
+        self.stood = false;
+        self.standing_us = (0, 0);
         let running = self.phase != Phase::Idle;
         if running {
             self.enter(Phase::Idle);
@@ -176,7 +193,10 @@ impl Knee {
                 let calm = inputs.fall.calm & inputs.may_start & loaded[0] & loaded[1];
                 self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
             }
-            let start = if inputs.may_start { self.start(loaded, inputs) } else { None };
+            if !self.stood & inputs.may_start {
+                self.stand(loaded, inputs);
+            }
+            let start = if inputs.may_start & self.stood { self.start(loaded, inputs) } else { None };
             let Some((swing, kind)) = start else {
                 // A foot that was still in the air when its leg came to rest lands now.
                 if self.airborne && loaded[self.swing as usize] {
@@ -190,6 +210,15 @@ impl Knee {
         let leg = self.swing as usize;
         out.drive[leg] = self.stroke(loaded[leg], inputs.position[leg], inputs, params, &mut out);
         out
+    }
+
+    /// A robot that was just set down rocks on its soles: a step would make a march of it.
+    fn stand(&mut self, loaded: [bool; 2], inputs: &KneeInputs) {
+        let (all, still) = self.standing_us;
+        let still_now = inputs.fall.calm & loaded[0] & loaded[1];
+        let still = if still_now { still.saturating_add(inputs.dt_us) } else { 0 };
+        self.standing_us = (all.saturating_add(inputs.dt_us), still);
+        self.stood = still >= self.rules.stand_us || all >= self.rules.stand_at_most_us;
     }
 
     /// A cycle begins.
@@ -240,7 +269,9 @@ impl Knee {
                 return self.end(out);
             }
             self.enter(Phase::Retract);
+            (self.late_us, self.waited_us, self.unloaded) = (0, 0, false);
         }
+        let grounded = self.carries(grounded, inputs.dt_us);
         if self.phase == Phase::Retract {
             let late = self.passed(self.rules.stroke_us, inputs.dt_us);
             if position > -self.step && !late {
@@ -254,13 +285,34 @@ impl Knee {
         let speed = if grounded { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
         let late = self.passed(self.rules.stroke_us, inputs.dt_us);
         self.flags(grounded, true, out);
-        let goal = if self.reaches(grounded, inputs.fall) { self.rules.reach } else { Q16::ZERO };
+        let reaches = self.reaches(grounded, inputs.fall);
+        let waits = !self.unloaded | (self.waited_us < self.late_us);
+        if reaches && position >= Q16::ZERO && waits && !late {
+            // The foot may be down already, and the pads as late to tell as they were at lift-off.
+            self.waited_us = self.waited_us.saturating_add(inputs.dt_us);
+            return Drive::Brake;
+        }
+        let goal = if reaches { self.rules.reach } else { Q16::ZERO };
         let near = within(goal - position - self.rules.lead_margin, speed, self.rules.lead_us);
         if late || near || landed && inputs.fall.falls {
             out.timed_out |= late;
             return self.end(out);
         }
         Drive::Velocity(speed)
+    }
+
+    /// Whether the swing foot carries load. One that is pulled up faster than the robot can fall has left the ground, though
+    /// the pads tell it later.
+    fn carries(&mut self, grounded: bool, dt_us: u32) -> bool {
+        if self.unloaded {
+            return grounded;
+        }
+        self.unloaded = !grounded;
+        let up = self.late_us >= self.rules.lift_us;
+        if grounded {
+            self.late_us = self.late_us.saturating_add(dt_us);
+        }
+        grounded && !up
     }
 
     /// The cycle is over.

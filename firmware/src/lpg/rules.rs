@@ -36,11 +36,14 @@ pub struct KneeRules {
     pub kick_us: u32,
     /// A foot that alone carries the robot after the kick is lifted only with ξ ahead beyond one of these.
     pub lift_xi: [Q16; 2],
+    /// A foot that is pulled up leaves the ground within this, whatever the pads say.
+    pub lift_us: u32,
     /// Retraction and extension are cut off after this.
     pub stroke_us: u32,
     /// While |ξ| is above this the robot falls.
     pub fall_xi: Q16,
-    /// A falling robot reaches for the ground this far beyond rest; a leg that lands while falling brakes at once.
+    /// A falling robot reaches for the ground this far beyond rest, once the pads have had as long to tell of touchdown as
+    /// they took to tell of lift-off; a leg that lands while falling brakes at once.
     pub reach: Q16,
     /// Otherwise it finishes the extension to rest at this speed, m/s.
     pub touchdown_speed: Q16,
@@ -54,7 +57,11 @@ pub struct KneeRules {
     pub calm_us: u32,
     /// Every recovery that ends in steps doubles that time, up to this.
     pub patience_us: u32,
-    /// Step height of such a recovery cycle.
+    /// Before its first cycle since it was armed, the robot has been calm on both feet for so long …
+    pub stand_us: u32,
+    /// … or has waited for that long enough.
+    pub stand_at_most_us: u32,
+    /// Step height of a recovery cycle.
     pub recovery_step: Q16,
 }
 
@@ -73,6 +80,7 @@ pub const KNEE: KneeRules = KneeRules {
     kick_fraction: Q16::lit(0.1323),
     kick_us: 66_600,
     lift_xi: [Q16::lit(0.3879), Q16::lit(0.644)],
+    lift_us: 15_000,
     stroke_us: 500_000,
     fall_xi: Q16::lit(0.2701),
     reach: Q16::lit(0.0451),
@@ -82,6 +90,8 @@ pub const KNEE: KneeRules = KneeRules {
     calm: Q16::lit(0.05),
     calm_us: 800_000,
     patience_us: 12_800_000,
+    stand_us: 150_000,
+    stand_at_most_us: 1_500_000,
     recovery_step: Q16::lit(0.0213),
 };
 

@@ -7,12 +7,15 @@ use sarah_protocol::params::{ParamError, ParamSet};
 
 use super::Sensors;
 use super::heard::Heard;
+use super::reckoning::Place;
 use crate::lpg::Drive;
 
 /// IMU products older than this are no basis for motion: five samples at the slowest IMU rate.
 pub const MOTION_TIMEOUT_US: u32 = 50_000;
 /// Between two status messages.
 pub const STATUS_PERIOD_US: u32 = 10_000;
+/// What a hip or an abductor loses while its leg gathers speed: half of 10 ms.
+pub const SWING_GATHER_US: u32 = 5_000;
 /// What a node goes by until it hears of the trunk: it hangs still.
 pub const UNHEARD: Motion = Motion {
     sequence: 0,
@@ -42,6 +45,7 @@ pub struct NodeConfig {
 pub struct NodeLink<P> {
     /// Newest plausible positions.
     good: [Q16; 2],
+    places: [Place; 2],
     plausible: Q16,
     motion_age_us: u32,
     since_status_us: u32,
@@ -61,6 +65,7 @@ pub struct NodeLink<P> {
 impl<P: Copy> NodeLink<P> {
     /// Braked, with the built-in set, having heard nothing.
     pub const fn new(id: NodeId, config: &NodeConfig, params: P) -> NodeLink<P> {
+        let gather_us = if matches!(id, NodeId::Knee) { 0 } else { SWING_GATHER_US };
         NodeLink {
             id,
             boot_nonce: config.boot_nonce,
@@ -73,6 +78,7 @@ impl<P: Copy> NodeLink<P> {
             staged: None,
             since_status_us: STATUS_PERIOD_US,
             good: [Q16::ZERO; 2],
+            places: [Place::new(gather_us), Place::new(gather_us)],
             limits: 0,
             reported: 0,
         }
@@ -98,9 +104,10 @@ impl<P: Copy> NodeLink<P> {
         self.staged.as_ref().map(|(generation, _)| *generation)
     }
 
-    /// Joint positions of this tick, implausible ones replaced.
+    /// Where the joints are in this tick, see [`super::reckoning`].
     pub fn position(&self) -> [Q16; 2] {
-        self.good
+        let [left, right] = &self.places;
+        [left.at(), right.at()]
     }
 
     /// Brakes are due at once: never armed, disarmed, or halted.
@@ -196,6 +203,9 @@ impl<P: Copy> NodeLink<P> {
         } else {
             limits |= limits::SENSOR;
         }
+        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
+        left.advance(dt_us, left_good);
+        right.advance(dt_us, right_good);
         if self.mode == Mode::Braked {
             limits |= limits::BRAKED;
         }
@@ -208,11 +218,14 @@ impl<P: Copy> NodeLink<P> {
         self.limits = limits;
     }
 
-    /// Brakes what would pass the end of its range.
+    /// End of the decision: brakes what would pass the end of its range, and remembers what the joints are told.
     pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
         let ([left, right], [left_at, right_at]) = (drive, self.good);
         self.stop_at_end(left, left_at);
         self.stop_at_end(right, right_at);
+        let [left_place, right_place] = &mut self.places;
+        left_place.told(*left);
+        right_place.told(*right);
     }
 
     #[inline]

@@ -12,6 +12,7 @@
 pub mod heard;
 pub mod knee;
 pub mod link;
+pub mod reckoning;
 pub mod swing;
 
 use heapless::Vec;

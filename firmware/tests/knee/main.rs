@@ -2,5 +2,7 @@
 
 mod cycle;
 mod fall;
+mod late;
 mod recovery;
 mod rig;
+mod stand;

@@ -37,7 +37,17 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// Standing.
     pub fn new(dt_us: u32) -> Rig {
+        let mut rig = Rig::set_down(dt_us);
+        for _ in 0..KNEE.stand_us.div_ceil(dt_us) {
+            rig.tick();
+        }
+        rig
+    }
+
+    /// Armed just now.
+    pub fn set_down(dt_us: u32) -> Rig {
         Rig { knee: Knee::new(KNEE), dt_us, position: [0.0; 2], load: [LOADED; 2], motion: QUIET(), may_start: true }
     }
 
@@ -64,6 +74,8 @@ impl Rig {
         self.run(|r| r.knee.phase() == Phase::Retract);
         self.motion = QUIET();
         self.run(|r| r.knee.phase() == Phase::Idle);
+        // The foot lands.
+        self.tick();
     }
 
     /// Ticks until `stop` or two seconds; all events on the way, with the time of each in seconds.

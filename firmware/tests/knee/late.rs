@@ -1,0 +1,71 @@
+//! Pads that tell late.
+
+use sarah_firmware::lpg::Drive;
+use sarah_firmware::lpg::knee::Phase;
+use sarah_firmware::lpg::rules::KNEE;
+use sarah_protocol::bus::GaitEvent;
+
+use crate::rig::{AIR, LOADED, PUSHED, RATES, Rig, motion, names};
+
+/// A cycle at the beginning of its retraction, falling forward.
+fn pulled_up(dt_us: u32) -> Rig {
+    let mut rig = Rig::new(dt_us);
+    rig.motion = PUSHED();
+    rig.run(|r| r.knee.phase() == Phase::Retract);
+    rig.motion = motion(1.0, [0.3, 0.0]);
+    rig
+}
+
+/// Ticks for `us`.
+fn pass(rig: &mut Rig, us: u32) -> Vec<GaitEvent> {
+    (0..us / rig.dt_us).flat_map(|_| rig.tick().events).collect()
+}
+
+#[test]
+fn a_foot_that_is_pulled_up_has_lifted_though_its_pads_say_nothing_yet() {
+    for dt in RATES {
+        let mut rig = pulled_up(dt);
+        assert_eq!(pass(&mut rig, KNEE.lift_us / 10_000 * 10_000), []);
+        assert_eq!(pass(&mut rig, 10_000), [GaitEvent::LiftOff]);
+    }
+}
+
+#[test]
+fn pads_that_still_tell_of_the_ground_are_no_touchdown() {
+    for dt in RATES {
+        let mut rig = pulled_up(dt);
+        assert_eq!(pass(&mut rig, 60_000), [GaitEvent::LiftOff]);
+        rig.load[0] = AIR;
+        assert_eq!(pass(&mut rig, 20_000), []);
+        rig.load[0] = LOADED;
+        assert_eq!(pass(&mut rig, 10_000)[..1], [GaitEvent::Touchdown]);
+        assert_eq!(rig.knee.steps(), 1);
+    }
+}
+
+#[test]
+fn a_leg_reaches_beyond_rest_when_the_pads_had_as_long_for_touchdown_as_they_took_for_lift_off() {
+    for late_us in [20_000, 60_000, 90_000] {
+        let mut rig = pulled_up(1_000);
+        pass(&mut rig, late_us);
+        rig.load[0] = AIR;
+        rig.run(|r| r.position[0] >= 0.0);
+        let waited = (0..400_u32).find(|_| rig.tick().drive[0] != Drive::Brake).expect("reaches");
+        assert!(waited.abs_diff(late_us / 1_000) < 3, "{waited} ms");
+        rig.run(|r| r.knee.phase() == Phase::Idle);
+        assert!((rig.position[0] - f64::from(KNEE.reach.to_f32())).abs() < 0.01);
+    }
+}
+
+#[test]
+fn a_foot_that_lands_meanwhile_ends_the_reach() {
+    let mut rig = pulled_up(1_000);
+    pass(&mut rig, 60_000);
+    rig.load[0] = AIR;
+    rig.run(|r| r.position[0] >= 0.0);
+    pass(&mut rig, 50_000);
+    rig.load[0] = LOADED;
+    let events = rig.run(|r| r.knee.phase() == Phase::Idle);
+    assert_eq!(names(&events), [GaitEvent::Touchdown, GaitEvent::CycleEnd]);
+    assert!(rig.position[0].abs() < 0.002, "{}", rig.position[0]);
+}
