@@ -46,6 +46,8 @@ pub struct NodeLink<P> {
     /// Newest plausible positions.
     good: [Q16; 2],
     places: [Place; 2],
+    /// A joint moves, or has not rested long: without that a tick spends nothing on it.
+    reckons: bool,
     plausible: Q16,
     motion_age_us: u32,
     since_status_us: u32,
@@ -78,6 +80,7 @@ impl<P: Copy> NodeLink<P> {
             staged: None,
             since_status_us: STATUS_PERIOD_US,
             good: [Q16::ZERO; 2],
+            reckons: false,
             places: [Place::new(gather_us), Place::new(gather_us)],
             limits: 0,
             reported: 0,
@@ -107,7 +110,7 @@ impl<P: Copy> NodeLink<P> {
     /// Where the joints are in this tick, see [`super::reckoning`].
     pub fn position(&self) -> [Q16; 2] {
         let [left, right] = &self.places;
-        [left.at(), right.at()]
+        if self.reckons { [left.at(), right.at()] } else { self.good }
     }
 
     /// Brakes are due at once: never armed, disarmed, or halted.
@@ -203,9 +206,9 @@ impl<P: Copy> NodeLink<P> {
         } else {
             limits |= limits::SENSOR;
         }
-        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
-        left.advance(dt_us, left_good);
-        right.advance(dt_us, right_good);
+        if self.reckons {
+            self.reckon(dt_us);
+        }
         if self.mode == Mode::Braked {
             limits |= limits::BRAKED;
         }
@@ -223,9 +226,22 @@ impl<P: Copy> NodeLink<P> {
         let ([left, right], [left_at, right_at]) = (drive, self.good);
         self.stop_at_end(left, left_at);
         self.stop_at_end(right, right_at);
-        let [left_place, right_place] = &mut self.places;
-        left_place.told(*left);
-        right_place.told(*right);
+        if self.reckons | (*left != Drive::Brake) | (*right != Drive::Brake) {
+            if !self.reckons {
+                self.reckon(0);
+            }
+            self.reckons = true;
+            let [left_place, right_place] = &mut self.places;
+            left_place.told(*left);
+            right_place.told(*right);
+        }
+    }
+
+    fn reckon(&mut self, dt_us: u32) {
+        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
+        left.advance(dt_us, left_good);
+        right.advance(dt_us, right_good);
+        self.reckons = !(left.rests() & right.rests());
     }
 
     #[inline]

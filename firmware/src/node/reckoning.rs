@@ -45,6 +45,11 @@ impl Place {
         self.at
     }
 
+    /// It is where its sensor says.
+    pub fn rests(&self) -> bool {
+        (self.speed == Q16::ZERO) & (self.rest_us >= BELIEVED_AFTER_US)
+    }
+
     /// Start of a tick, `dt_us` after the last.
     #[inline]
     pub fn advance(&mut self, dt_us: u32, sensed: Q16) {
