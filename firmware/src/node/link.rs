@@ -46,8 +46,6 @@ pub struct NodeLink<P> {
     /// Newest plausible positions.
     good: [Q16; 2],
     places: [Place; 2],
-    /// A joint moves, or has not rested long: without that a tick spends nothing on it.
-    reckons: bool,
     plausible: Q16,
     motion_age_us: u32,
     since_status_us: u32,
@@ -67,7 +65,6 @@ pub struct NodeLink<P> {
 impl<P: Copy> NodeLink<P> {
     /// Braked, with the built-in set, having heard nothing.
     pub const fn new(id: NodeId, config: &NodeConfig, params: P) -> NodeLink<P> {
-        let gather_us = if matches!(id, NodeId::Knee) { 0 } else { SWING_GATHER_US };
         NodeLink {
             id,
             boot_nonce: config.boot_nonce,
@@ -80,8 +77,7 @@ impl<P: Copy> NodeLink<P> {
             staged: None,
             since_status_us: STATUS_PERIOD_US,
             good: [Q16::ZERO; 2],
-            reckons: false,
-            places: [Place::new(gather_us), Place::new(gather_us)],
+            places: [Place::new(), Place::new()],
             limits: 0,
             reported: 0,
         }
@@ -110,7 +106,7 @@ impl<P: Copy> NodeLink<P> {
     /// Where the joints are in this tick, see [`super::reckoning`].
     pub fn position(&self) -> [Q16; 2] {
         let [left, right] = &self.places;
-        if self.reckons { [left.at(), right.at()] } else { self.good }
+        [left.at(), right.at()]
     }
 
     /// Brakes are due at once: never armed, disarmed, or halted.
@@ -206,9 +202,10 @@ impl<P: Copy> NodeLink<P> {
         } else {
             limits |= limits::SENSOR;
         }
-        if self.reckons {
-            self.reckon(dt_us);
-        }
+        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
+        let gather_us = if matches!(self.id, NodeId::Knee) { 0 } else { SWING_GATHER_US };
+        left.advance(dt_us, gather_us, left_good);
+        right.advance(dt_us, gather_us, right_good);
         if self.mode == Mode::Braked {
             limits |= limits::BRAKED;
         }
@@ -226,22 +223,9 @@ impl<P: Copy> NodeLink<P> {
         let ([left, right], [left_at, right_at]) = (drive, self.good);
         self.stop_at_end(left, left_at);
         self.stop_at_end(right, right_at);
-        if self.reckons | (*left != Drive::Brake) | (*right != Drive::Brake) {
-            if !self.reckons {
-                self.reckon(0);
-            }
-            self.reckons = true;
-            let [left_place, right_place] = &mut self.places;
-            left_place.told(*left);
-            right_place.told(*right);
-        }
-    }
-
-    fn reckon(&mut self, dt_us: u32) {
-        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
-        left.advance(dt_us, left_good);
-        right.advance(dt_us, right_good);
-        self.reckons = !(left.rests() & right.rests());
+        let [left_place, right_place] = &mut self.places;
+        left_place.told(*left);
+        right_place.told(*right);
     }
 
     #[inline]

@@ -15,29 +15,18 @@ pub const BELIEVED_AFTER_US: u32 = 100_000;
 #[derive(Clone, PartialEq, Debug)]
 pub struct Place {
     at: Q16,
-    /// The same, Q36: a tick adds less than a step of `at`.
-    fine: i64,
+    /// What `at` leaves out, 2⁻²⁰ of its steps: a tick adds less than one.
+    fraction: i32,
     /// What it was told in the last tick, rad/s or m/s; 0 is braked.
     speed: Q16,
-    /// `speed` in Q36 per µs.
-    per_us: i32,
-    /// It has rested for so long; stops at [`BELIEVED_AFTER_US`].
-    rest_us: u32,
-    /// What is left of the time it takes to gather speed, and all of it.
-    gather_us: (u32, u32),
+    /// It has moved, or rested, for so long; stops at [`BELIEVED_AFTER_US`] of rest.
+    since_us: u32,
 }
 
 impl Place {
-    /// At rest; takes `gather_us` of a move to gather speed, on average.
-    pub const fn new(gather_us: u32) -> Place {
-        Place {
-            at: Q16::ZERO,
-            fine: 0,
-            speed: Q16::ZERO,
-            per_us: 0,
-            rest_us: BELIEVED_AFTER_US,
-            gather_us: (gather_us, gather_us),
-        }
+    /// At rest.
+    pub const fn new() -> Place {
+        Place { at: Q16::ZERO, fraction: 0, speed: Q16::ZERO, since_us: BELIEVED_AFTER_US }
     }
 
     /// Where it is.
@@ -45,31 +34,34 @@ impl Place {
         self.at
     }
 
-    /// It is where its sensor says.
-    pub fn rests(&self) -> bool {
-        (self.speed == Q16::ZERO) & (self.rest_us >= BELIEVED_AFTER_US)
-    }
-
-    /// Start of a tick, `dt_us` after the last.
+    /// Start of a tick, `dt_us` after the last; a move takes `gather_us` to gather speed, on average.
     #[inline]
-    pub fn advance(&mut self, dt_us: u32, sensed: Q16) {
+    pub fn advance(&mut self, dt_us: u32, gather_us: u32, sensed: Q16) {
         if self.speed != Q16::ZERO {
-            self.travel(dt_us);
-        } else if self.rest_us >= BELIEVED_AFTER_US {
+            self.travel(dt_us, gather_us);
+        } else if self.since_us >= BELIEVED_AFTER_US {
             self.at = sensed;
         } else {
-            self.rest_us = self.rest_us.saturating_add(dt_us);
+            self.since_us = self.since_us.saturating_add(dt_us);
         }
     }
 
-    fn travel(&mut self, dt_us: u32) {
-        let lost_us = dt_us.min(self.gather_us.0);
-        self.gather_us.0 -= lost_us;
+    fn travel(&mut self, dt_us: u32, gather_us: u32) {
+        let lost_us = dt_us.min(gather_us.saturating_sub(self.since_us));
+        self.since_us = self.since_us.saturating_add(dt_us);
         let dt_us = (dt_us - lost_us).min(MAX_STEP_US) as i32;
-        // One multiplication of the chip's at its tick rate, below 8 rad/s.
-        let small = dt_us < 1 << 10 && self.per_us.unsigned_abs() < 1 << 20;
-        self.fine += if small { i64::from(self.per_us * dt_us) } else { wide(self.per_us, dt_us) };
-        self.at = Q16((self.fine >> 20) as i32);
+        // 2^20 of those fractions per million µs: 1 + 3183/65536.
+        let speed = self.speed.0;
+        if dt_us < 1 << 10 && speed.unsigned_abs() < 8 << 16 {
+            // The chip's own multiplications, at its tick rate.
+            let sum = self.fraction + (speed + (speed * 3183 >> 16)) * dt_us;
+            self.at = Q16(self.at.0.wrapping_add(sum >> 20));
+            self.fraction = sum & 0xF_FFFF;
+        } else {
+            let sum = i64::from(self.fraction) + wide((self.speed + self.speed.scaled(3183, 16)).0, dt_us);
+            self.at = Q16(self.at.0.wrapping_add((sum >> 20) as i32));
+            self.fraction = sum as i32 & 0xF_FFFF;
+        }
     }
 
     /// End of a tick: what it is told until the next.
@@ -86,13 +78,12 @@ impl Place {
 
     fn change(&mut self, speed: Q16) {
         if self.speed == Q16::ZERO {
-            self.fine = i64::from(self.at.0) << 20;
-            self.gather_us.0 = self.gather_us.1;
+            self.fraction = 0;
+        }
+        if self.speed == Q16::ZERO || speed == Q16::ZERO {
+            self.since_us = 0;
         }
         self.speed = speed;
-        // 2^20 steps per million µs: 1 + 3183/65536.
-        self.per_us = (speed + speed.scaled(3183, 16)).0;
-        self.rest_us = 0;
     }
 }
 
@@ -108,7 +99,7 @@ mod tests {
     /// Ticks for `us` while told `drive`, with a sensor that says `sensed`.
     fn pass(place: &mut Place, dt_us: u32, us: u32, drive: Drive, sensed: Q16) {
         for _ in 0..us / dt_us {
-            place.advance(dt_us, sensed);
+            place.advance(dt_us, 5_000, sensed);
             place.told(drive);
         }
     }
@@ -117,7 +108,7 @@ mod tests {
     fn a_move_is_reckoned_though_the_sensor_says_nothing_of_it() {
         for dt in RATES {
             for speed in [0.02, 0.9, -0.9, 5.0, -5.0] {
-                let mut place = Place::new(5_000);
+                let mut place = Place::new();
                 let (from, drive) = (Q16::lit(0.01), Drive::Velocity(Q16::lit(speed)));
                 pass(&mut place, dt, dt, drive, from);
                 pass(&mut place, dt, 100_000, drive, from);
@@ -129,18 +120,18 @@ mod tests {
 
     #[test]
     fn a_turn_within_a_move_is_reckoned_from_where_it_is() {
-        let mut place = Place::new(0);
+        let mut place = Place::new();
         for speed in [-0.9, 0.8] {
             pass(&mut place, 1_000, 50_000, Drive::Velocity(Q16::lit(speed)), Q16::ZERO);
         }
         pass(&mut place, 1_000, 1_000, Drive::Brake, Q16::ZERO);
-        assert!((place.at().to_f32() + 0.005).abs() < 1e-3, "{:?}", place.at());
+        assert!((place.at().to_f32() + 0.0005).abs() < 1e-3, "{:?}", place.at());
     }
 
     #[test]
     fn the_sensor_is_believed_again_after_a_rest() {
         for dt in RATES {
-            let (mut place, seen) = (Place::new(0), Q16::lit(0.05));
+            let (mut place, seen) = (Place::new(), Q16::lit(0.05));
             pass(&mut place, dt, 50_000, Drive::Velocity(Q16::lit(0.5)), Q16::ZERO);
             pass(&mut place, dt, 90_000, Drive::Brake, seen);
             assert!(place.at() < Q16::lit(0.03));
@@ -152,9 +143,9 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn nothing_overflows(told: Vec<(i32, u32, i32)>) {
-            let mut place = Place::new(5_000);
+            let mut place = Place::new();
             for (speed, dt_us, sensed) in told {
-                place.advance(dt_us, Q16(sensed));
+                place.advance(dt_us, 5_000, Q16(sensed));
                 place.told(Drive::Velocity(Q16(speed)));
             }
         }
