@@ -7,7 +7,6 @@ use sarah_firmware::board::samc21::node::{Board, Bus, Control, Place, ToNode};
 use sarah_firmware::board::samc21::queue::Queue;
 use sarah_firmware::board::samc21::vectors::interrupt;
 use sarah_firmware::board::samc21::wiring::{self, NodeBoard};
-use sarah_firmware::lpg::rules;
 use sarah_firmware::node::{KneeEar, KneeNode};
 
 /// This image.
@@ -35,7 +34,7 @@ async fn bus(bus: Bus<Knee>) -> ! {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = Board::start(&TO_NODE, |divider| KneeEar::new(rules::KNEE, divider));
+    let board = Board::start(&TO_NODE, KneeEar::new);
     let config = board.config(sarah_firmware::default_params());
     let node = KneeNode::new(config, board.ear());
     board.run(node, &CONTROL, |ends| bus(ends).expect("it is spawned once"))

@@ -10,7 +10,7 @@ use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::VectActive;
 
-const BYTES: usize = 256;
+const BYTES: usize = 512;
 
 /// What a probe looks for in RAM: the name, counts, one channel up, none down.
 #[repr(C)]

@@ -19,7 +19,7 @@ use sarah_protocol::params::ParamSet;
 
 use super::Drive;
 use super::fall::Fall;
-use super::rules::KneeRules;
+use super::rules::KNEE;
 
 /// P1–P3 in fixed point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -83,7 +83,6 @@ pub struct KneeOutputs {
 /// State of LPG1.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Knee {
-    rules: KneeRules,
     phase: Phase,
     swing: Side,
     /// Since the current phase began; saturates.
@@ -122,9 +121,8 @@ pub struct Knee {
 
 impl Knee {
     /// At rest.
-    pub const fn new(rules: KneeRules) -> Knee {
+    pub const fn idle() -> Knee {
         Knee {
-            rules,
             phase: Phase::Idle,
             swing: Side::Left,
             phase_us: u32::MAX,
@@ -138,7 +136,7 @@ impl Knee {
             cycle: 0,
             displaced: [false; 2],
             calm_us: 0,
-            patience_us: rules.calm_us,
+            patience_us: KNEE.calm_us,
             recovering: false,
             late_us: 0,
             unloaded: false,
@@ -185,7 +183,7 @@ impl Knee {
         let mut out = KneeOutputs::default();
         self.phase_us = self.phase_us.saturating_add(inputs.dt_us);
         let [left, right] = inputs.load;
-        let loaded = [left > self.rules.loaded_n, right > self.rules.loaded_n];
+        let loaded = [left > KNEE.loaded_n, right > KNEE.loaded_n];
 
         if self.phase == Phase::Idle {
             // Only a robot with legs to bring back has to know for how long it has been calm.
@@ -218,7 +216,7 @@ impl Knee {
         let still_now = inputs.fall.calm & loaded[0] & loaded[1];
         let still = if still_now { still.saturating_add(inputs.dt_us) } else { 0 };
         self.standing_us = (all.saturating_add(inputs.dt_us), still);
-        self.stood = still >= self.rules.stand_us || all >= self.rules.stand_at_most_us;
+        self.stood = still >= KNEE.stand_us || all >= KNEE.stand_at_most_us;
     }
 
     /// A cycle begins.
@@ -226,15 +224,15 @@ impl Knee {
         self.swing = swing;
         self.step = match recovers {
             // From where the leg is: a short leg that is not lifted would push the robot up.
-            true => self.rules.recovery_step - inputs.position[swing as usize].min(Q16::ZERO),
+            true => KNEE.recovery_step - inputs.position[swing as usize].min(Q16::ZERO),
             false => inputs.fall.step,
         };
-        self.kick_height = self.rules.kick_fraction.times(self.step);
+        self.kick_height = KNEE.kick_fraction.times(self.step);
         // A recovery that upsets the robot so that it steps again must not become a habit.
         if self.recovering && !recovers {
-            self.patience_us = match self.phase_us < self.rules.calm_us || self.displaced != [false; 2] {
-                true => self.patience_us.saturating_mul(2).min(self.rules.patience_us),
-                false => self.rules.calm_us,
+            self.patience_us = match self.phase_us < KNEE.calm_us || self.displaced != [false; 2] {
+                true => self.patience_us.saturating_mul(2).min(KNEE.patience_us),
+                false => KNEE.calm_us,
             };
         }
         self.recovering = recovers;
@@ -260,12 +258,12 @@ impl Knee {
         out: &mut KneeOutputs,
     ) -> Drive {
         if self.phase == Phase::Kick {
-            if position < self.kick_height && !self.passed(self.rules.kick_us, inputs.dt_us) {
+            if position < self.kick_height && !self.passed(KNEE.kick_us, inputs.dt_us) {
                 return Drive::Velocity(params.kick);
             }
             let [left, right] = inputs.load;
             let other = if self.swing == Side::Left { right } else { left };
-            if grounded && other <= self.rules.loaded_n && !inputs.fall.lifts {
+            if grounded && other <= KNEE.loaded_n && !inputs.fall.lifts {
                 return self.end(out);
             }
             self.enter(Phase::Retract);
@@ -273,7 +271,7 @@ impl Knee {
         }
         let grounded = self.carries(grounded, inputs.dt_us);
         if self.phase == Phase::Retract {
-            let late = self.passed(self.rules.stroke_us, inputs.dt_us);
+            let late = self.passed(KNEE.stroke_us, inputs.dt_us);
             if position > -self.step && !late {
                 self.flags(grounded, false, out);
                 return Drive::Velocity(-params.retract);
@@ -282,8 +280,8 @@ impl Knee {
             self.enter(Phase::Extend);
         }
         let landed = grounded && self.lifted;
-        let speed = if grounded { self.rules.touchdown_speed.min(params.extend) } else { params.extend };
-        let late = self.passed(self.rules.stroke_us, inputs.dt_us);
+        let speed = if grounded { KNEE.touchdown_speed.min(params.extend) } else { params.extend };
+        let late = self.passed(KNEE.stroke_us, inputs.dt_us);
         self.flags(grounded, true, out);
         let reaches = self.reaches(grounded, inputs.fall);
         let waits = !self.unloaded | (self.waited_us < self.late_us);
@@ -292,8 +290,8 @@ impl Knee {
             self.waited_us = self.waited_us.saturating_add(inputs.dt_us);
             return Drive::Brake;
         }
-        let goal = if reaches { self.rules.reach } else { Q16::ZERO };
-        let near = within(goal - position - self.rules.lead_margin, speed, self.rules.lead_us);
+        let goal = if reaches { KNEE.reach } else { Q16::ZERO };
+        let near = within(goal - position - KNEE.lead_margin, speed, KNEE.lead_us);
         if late || near || landed && inputs.fall.falls {
             out.timed_out |= late;
             return self.end(out);
@@ -308,7 +306,7 @@ impl Knee {
             return grounded;
         }
         self.unloaded = !grounded;
-        let up = self.late_us >= self.rules.lift_us;
+        let up = self.late_us >= KNEE.lift_us;
         if grounded {
             self.late_us = self.late_us.saturating_add(dt_us);
         }
@@ -329,10 +327,10 @@ impl Knee {
 
     /// The leg to swing if a cycle starts now, and what for.
     fn start(&self, loaded: [bool; 2], inputs: &KneeInputs) -> Option<(Side, GaitEvent)> {
-        let (rules, fall) = (&self.rules, inputs.fall);
+        let fall = inputs.fall;
         match loaded {
-            [true, true] if fall.starts && self.phase_us >= rules.dwell_us => {
-                let fresh = !self.stepped_before || self.phase_us > rules.fresh_us;
+            [true, true] if fall.starts && self.phase_us >= KNEE.dwell_us => {
+                let fresh = !self.stepped_before || self.phase_us > KNEE.fresh_us;
                 let swing = match (fresh, fall.left) {
                     (false, _) => self.swing.other(),
                     (true, true) => Side::Left,
@@ -347,7 +345,7 @@ impl Knee {
                 let due = [shorter, shorter.other()].into_iter().find(|side| self.displaced[*side as usize]);
                 due.map(|side| (side, GaitEvent::Recovery))
             }
-            [left, right] if left != right && fall.chains && self.phase_us >= rules.chain_dwell_us => {
+            [left, right] if left != right && fall.chains && self.phase_us >= KNEE.chain_dwell_us => {
                 let towards = fall.left != left;
                 let swing = if left { Side::Right } else { Side::Left };
                 (towards || fall.sagittal).then_some((swing, GaitEvent::CycleStart))

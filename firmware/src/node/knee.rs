@@ -11,7 +11,6 @@ use crate::lpg::Drive;
 use crate::lpg::factor::Divider;
 use crate::lpg::fall::Fall;
 use crate::lpg::knee::{Knee, KneeInputs, KneeParams, Phase};
-use crate::lpg::rules::KneeRules;
 
 /// While idle the flags are repeated this often, so that a node that missed one catches up.
 pub const BEAT_PERIOD_US: u32 = 100_000;
@@ -19,14 +18,13 @@ pub const BEAT_PERIOD_US: u32 = 100_000;
 /// What LPG1 makes of the bus.
 #[derive(Clone, PartialEq, Debug)]
 pub struct KneeEar<D> {
-    rules: KneeRules,
     divider: D,
 }
 
 impl<D> KneeEar<D> {
-    /// For a node with these rules.
-    pub const fn new(rules: KneeRules, divider: D) -> Self {
-        KneeEar { rules, divider }
+    /// That divides with this.
+    pub const fn new(divider: D) -> Self {
+        KneeEar { divider }
     }
 }
 
@@ -35,7 +33,7 @@ impl<D: Divider> Ear for KneeEar<D> {
     type Params = KneeParams;
 
     fn motion(&self, motion: &Motion) -> Fall {
-        Fall::of(&self.divider, &self.rules, motion)
+        Fall::of(&self.divider, motion)
     }
 
     fn params(&self, set: &ParamSet) -> KneeParams {
@@ -61,7 +59,7 @@ impl KneeNode {
         KneeNode {
             link: NodeLink::new(NodeId::Knee, &config, ear.params(&config.default)),
             fall: ear.motion(&UNHEARD),
-            lpg: Knee::new(ear.rules),
+            lpg: Knee::idle(),
             since_beat_us: 0,
             activate: None,
         }

@@ -77,7 +77,7 @@ impl<P: Copy> NodeLink<P> {
             staged: None,
             since_status_us: STATUS_PERIOD_US,
             good: [Q16::ZERO; 2],
-            places: [Place::new(), Place::new()],
+            places: [Place::resting(), Place::resting()],
             limits: 0,
             reported: 0,
         }

@@ -21,7 +21,6 @@ use sarah_protocol::fixed::Q16;
 
 use crate::lpg::Drive;
 use crate::lpg::factor::PlainDivider;
-use crate::lpg::rules;
 
 pub use heard::Ear;
 pub use knee::{KneeEar, KneeNode};
@@ -86,7 +85,7 @@ pub enum NodeKind {
 }
 
 const fn knee_ear() -> KneeEar<PlainDivider> {
-    KneeEar::new(rules::KNEE, PlainDivider)
+    KneeEar::new(PlainDivider)
 }
 
 impl Node for NodeKind {

@@ -25,7 +25,7 @@ pub struct Place {
 
 impl Place {
     /// At rest.
-    pub const fn new() -> Place {
+    pub const fn resting() -> Place {
         Place { at: Q16::ZERO, fraction: 0, speed: Q16::ZERO, since_us: BELIEVED_AFTER_US }
     }
 
@@ -54,7 +54,7 @@ impl Place {
         let speed = self.speed.0;
         if dt_us < 1 << 10 && speed.unsigned_abs() < 8 << 16 {
             // The chip's own multiplications, at its tick rate.
-            let sum = self.fraction + (speed + (speed * 3183 >> 16)) * dt_us;
+            let sum = self.fraction + (speed + ((speed * 3183) >> 16)) * dt_us;
             self.at = Q16(self.at.0.wrapping_add(sum >> 20));
             self.fraction = sum & 0xF_FFFF;
         } else {
@@ -108,7 +108,7 @@ mod tests {
     fn a_move_is_reckoned_though_the_sensor_says_nothing_of_it() {
         for dt in RATES {
             for speed in [0.02, 0.9, -0.9, 5.0, -5.0] {
-                let mut place = Place::new();
+                let mut place = Place::resting();
                 let (from, drive) = (Q16::lit(0.01), Drive::Velocity(Q16::lit(speed)));
                 pass(&mut place, dt, dt, drive, from);
                 pass(&mut place, dt, 100_000, drive, from);
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_turn_within_a_move_is_reckoned_from_where_it_is() {
-        let mut place = Place::new();
+        let mut place = Place::resting();
         for speed in [-0.9, 0.8] {
             pass(&mut place, 1_000, 50_000, Drive::Velocity(Q16::lit(speed)), Q16::ZERO);
         }
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn the_sensor_is_believed_again_after_a_rest() {
         for dt in RATES {
-            let (mut place, seen) = (Place::new(), Q16::lit(0.05));
+            let (mut place, seen) = (Place::resting(), Q16::lit(0.05));
             pass(&mut place, dt, 50_000, Drive::Velocity(Q16::lit(0.5)), Q16::ZERO);
             pass(&mut place, dt, 90_000, Drive::Brake, seen);
             assert!(place.at() < Q16::lit(0.03));
@@ -143,7 +143,7 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn nothing_overflows(told: Vec<(i32, u32, i32)>) {
-            let mut place = Place::new();
+            let mut place = Place::resting();
             for (speed, dt_us, sensed) in told {
                 place.advance(dt_us, 5_000, Q16(sensed));
                 place.told(Drive::Velocity(Q16(speed)));

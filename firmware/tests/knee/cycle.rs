@@ -252,7 +252,7 @@ proptest! {
         ticks in prop::collection::vec(any::<([i32; 2], [i32; 2], i32, i32, [i32; 4], bool)>(), 1..400),
         dt_us in prop::sample::select(&RATES[..]),
     ) {
-        let mut knee = Knee::new(KNEE);
+        let mut knee = Knee::idle();
         let fastest = params().extend.max(params().retract).max(params().kick);
         for (load, position, acceleration, rotation, lean, may_start) in ticks {
             let motion = Motion {
@@ -266,7 +266,7 @@ proptest! {
                 dt_us,
                 load: load.map(Q16),
                 position: position.map(Q16),
-                fall: &Fall::of(&PlainDivider, &KNEE, &motion),
+                fall: &Fall::of(&PlainDivider, &motion),
                 may_start,
             };
             let before = (knee.cycle(), knee.steps());

@@ -48,7 +48,7 @@ impl Rig {
 
     /// Armed just now.
     pub fn set_down(dt_us: u32) -> Rig {
-        Rig { knee: Knee::new(KNEE), dt_us, position: [0.0; 2], load: [LOADED; 2], motion: QUIET(), may_start: true }
+        Rig { knee: Knee::idle(), dt_us, position: [0.0; 2], load: [LOADED; 2], motion: QUIET(), may_start: true }
     }
 
     pub fn tick(&mut self) -> KneeOutputs {
@@ -56,7 +56,7 @@ impl Rig {
             dt_us: self.dt_us,
             load: self.load,
             position: self.position.map(Q16::lit),
-            fall: &Fall::of(&PlainDivider, &KNEE, &self.motion),
+            fall: &Fall::of(&PlainDivider, &self.motion),
             may_start: self.may_start,
         };
         let out = self.knee.tick(&inputs, &params());

@@ -54,8 +54,8 @@ pub trait Place: 'static {
 pub type HeardAt<P> = Heard<<<P as Place>::Ear as Ear>::Motion, <<P as Place>::Ear as Ear>::Params>;
 /// Received, for the node. An image has one, and calls it `TO_NODE`: there an emulator finds it.
 pub type ToNode<P> = ConstStaticCell<Queue<HeardAt<P>, 8>>;
-/// From the node, to be sent: a tick of the busiest kind, which has 7.
-static TO_BUS: ConstStaticCell<Queue<Message, 8>> = ConstStaticCell::new(Queue::new());
+/// From the node, to be sent: two ticks of the busiest kind.
+static TO_BUS: ConstStaticCell<Queue<Message, 16>> = ConstStaticCell::new(Queue::new());
 /// Wakes the bus task.
 static BUS_WAKER: AtomicWaker = AtomicWaker::new();
 static CONTROL_PULSE: Pulse = Pulse::new();
@@ -173,13 +173,13 @@ struct Io<P: Place> {
     ticks: Ticks,
     scanner: Scanner,
     outputs: Outputs,
-    to_bus: Sender<'static, Message, 8>,
+    to_bus: Sender<'static, Message, 16>,
     from_bus: Receiver<'static, HeardAt<P>, 8>,
 }
 
 /// To the bus task.
 #[inline(never)]
-fn say(to_bus: &mut Sender<'static, Message, 8>, message: Message) {
+fn say(to_bus: &mut Sender<'static, Message, 16>, message: Message) {
     if to_bus.send(message).is_err() {
         UNSENT.beat();
     }
@@ -208,7 +208,7 @@ pub struct Bus<P: Place> {
     can: Can,
     ear: P::Ear,
     to_node: Sender<'static, HeardAt<P>, 8>,
-    from_node: Receiver<'static, Message, 8>,
+    from_node: Receiver<'static, Message, 16>,
 }
 
 impl<P: Place> Bus<P> {
