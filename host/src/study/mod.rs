@@ -8,12 +8,13 @@
 //!   the seeds of judging.
 //! - [`mod@unit`]: what is done at one go and saved as it finishes. [`run`]: doing it. [`sittings`]: how long it took.
 //! - [`compare`], [`learning`]: from saved episodes to rows. [`pages_evaluation`], [`pages_training`], [`report`]: from
-//!   rows to what is read.
+//!   rows to what is read. [`document`]: the same into a document.
 //!
 //! The folder of a study is laid out as that of a run ([`crate::run`]), with `tables/` and `sittings.json` added. The
 //! same file gives the same bytes in `evaluated/`, `tables/` and `figures/`, killed and taken up again or not.
 
 pub mod compare;
+pub mod document;
 pub mod file;
 pub mod learning;
 pub mod pages_evaluation;
@@ -87,6 +88,16 @@ pub enum StudyError {
     /// A figure.
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// A document without a place for a study.
+    #[error("{} has no place for it: add the lines `{begin}` and `{end}` where its table shall be", .document.display())]
+    NoPlace {
+        /// Which.
+        document: PathBuf,
+        /// The line before.
+        begin: String,
+        /// The line after.
+        end: &'static str,
+    },
     /// Another unit failed; its error is the one to tell.
     #[error("stopped because another part of the study failed")]
     Stopped,

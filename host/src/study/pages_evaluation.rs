@@ -10,6 +10,9 @@ use crate::figures::{PushMap, SpreadRow, push_map, spreads};
 use crate::metrics::{EpisodeResult, Outcome, by_direction};
 use crate::report::{NamedFigure, Table, number};
 
+/// So many arms are shown cell by cell.
+const FEW_ARMS: usize = 3;
+
 /// Tables and figures of the cells that are saved.
 pub fn pages(plan: &EvaluationPlan, data: &[CellData]) -> Pages {
     let rows: Vec<CellRow> = data.iter().map(CellRow::of).collect();
@@ -34,6 +37,7 @@ pub fn pages(plan: &EvaluationPlan, data: &[CellData]) -> Pages {
     Pages {
         body,
         headline: table.text(),
+        brief: brief(plan, &rows).as_ref().unwrap_or(&table).markdown(),
         tables: vec![("cells", csv(&rows)), ("directions", csv(&directions)), ("differences", csv(&differences))],
         figures: figures(plan, data),
     }
@@ -41,6 +45,41 @@ pub fn pages(plan: &EvaluationPlan, data: &[CellData]) -> Pages {
 
 fn impulse(impulse_n_s: Option<f32>) -> String {
     impulse_n_s.map_or_else(|| "own".into(), |impulse| impulse.to_string())
+}
+
+/// Where there are many conditions or arms, survival alone, a row for each of them; `None` where there are few.
+fn brief(plan: &EvaluationPlan, rows: &[CellRow]) -> Option<Table> {
+    let by_condition = plan.conditions.len() > 1;
+    if !by_condition && plan.arms.len() <= FEW_ARMS {
+        return None;
+    }
+    let label = |row: &CellRow| if by_condition { row.condition.clone() } else { row.arm.clone() };
+    let column = |row: &CellRow| {
+        let impulse = row.impulse_n_s.map_or_else(String::new, |impulse| format!("{impulse} N·s"));
+        match by_condition && plan.arms.len() > 1 {
+            true => format!("{impulse} {}", row.arm).trim().to_owned(),
+            false if impulse.is_empty() => "survived".into(),
+            false => impulse,
+        }
+    };
+    let (mut labels, mut columns): (Vec<String>, Vec<String>) = (vec![], vec![]);
+    for row in rows {
+        for (seen, new) in [(&mut labels, label(row)), (&mut columns, column(row))] {
+            if !seen.contains(&new) {
+                seen.push(new);
+            }
+        }
+    }
+    let head = if by_condition { "survived" } else { "arm" };
+    let line = |one: &String| {
+        let cell = |name: &String| {
+            let found = rows.iter().find(|row| label(row) == *one && column(row) == *name);
+            found.map_or_else(|| number(None, 0), |row| format!("{}/{}", row.survived, row.episodes))
+        };
+        [one.clone()].into_iter().chain(columns.iter().map(cell)).collect()
+    };
+    let rows = labels.iter().map(line).collect();
+    Some(Table { head: [head.to_owned()].into_iter().chain(columns.iter().cloned()).collect(), rows })
 }
 
 fn cells_table(rows: &[CellRow]) -> Table {

@@ -39,7 +39,13 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
         figures.extend(curves(arms, index, session.name()));
         figures.extend(judged(&summaries, session.name()));
     }
-    Pages { body, headline: table.text(), tables: vec![("arms", csv(&summaries)), ("seeds", csv(&seeds))], figures }
+    Pages {
+        body,
+        headline: table.text(),
+        brief: table.markdown(),
+        tables: vec![("arms", csv(&summaries)), ("seeds", csv(&seeds))],
+        figures,
+    }
 }
 
 fn table(plan: &TrainingPlan, rows: &[ArmRow]) -> Table {

@@ -1,7 +1,7 @@
 //! The report of a study: tables and figures from what is saved, and from nothing else.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -19,6 +19,8 @@ pub struct Pages {
     pub body: String,
     /// The main table as plain text.
     pub headline: String,
+    /// What a document shows of it: one table, Markdown.
+    pub brief: String,
     /// CSV by name.
     pub tables: Vec<(&'static str, String)>,
     /// Figures, each with its name.
@@ -44,8 +46,8 @@ pub fn read_plan(layout: &Layout) -> Result<Plan, StudyError> {
     toml::from_str(&read_text(&path)?).map_err(|_| StudyError::NoStudy(layout.root().to_path_buf()))
 }
 
-/// Writes tables, figures and report of a study folder, prints its main table, and returns the path of the report.
-pub fn write(layout: &Layout, plan: &Plan) -> Result<PathBuf, StudyError> {
+/// Writes tables, figures and report of a study folder, prints its main table, and returns what a document shows of it.
+pub fn write(layout: &Layout, plan: &Plan) -> Result<String, StudyError> {
     let pages = match plan {
         Plan::Evaluation(of) => pages_evaluation::pages(of, &compare::load_cells(plan, of, layout)?),
         Plan::Training(of) => pages_training::pages(of, &load_training(plan, of, layout)?),
@@ -61,11 +63,12 @@ pub fn write(layout: &Layout, plan: &Plan) -> Result<PathBuf, StudyError> {
     for figure in &pages.figures {
         figure.figure.save(&layout.figures(), &figure.name)?;
     }
-    let text = markdown(layout, plan, &pages, &Sittings::read(layout)?);
+    let sittings = Sittings::read(layout)?;
+    let text = markdown(layout, plan, &pages, &sittings);
     write_atomic(&layout.report(), text.as_bytes())?;
     println!("{}\n\n{}", plan.title(), pages.headline);
     println!("report: {}", layout.report().display());
-    Ok(layout.report())
+    Ok(format!("{}\n*{}: {}.*", pages.brief, plan.title(), origin(&sittings)))
 }
 
 fn markdown(layout: &Layout, plan: &Plan, pages: &Pages, sittings: &Sittings) -> String {
@@ -86,14 +89,19 @@ fn markdown(layout: &Layout, plan: &Plan, pages: &Pages, sittings: &Sittings) ->
     let _ = writeln!(text, "\n## Seeds\n\n{}\n", split(plan));
     let _ = writeln!(
         text,
-        "## Origin\n\nRevision {}; {} sitting(s), together {} on {} core(s). `config.toml` is the study as resolved, \
-         `tables/` has every number, `evaluated/` every episode.",
+        "## Origin\n\nRevision {}; {} sitting(s), together {}. `config.toml` is the study as resolved, `tables/` has every \
+         number, `evaluated/` every episode.",
         sittings.revisions().join(", then "),
         sittings.all().count(),
-        duration(sittings.wall_s()),
-        sittings.all().map(|sitting| sitting.cores).max().unwrap_or(0),
+        origin(sittings),
     );
     text
+}
+
+/// How long it took, on what.
+fn origin(sittings: &Sittings) -> String {
+    let cores = sittings.all().map(|sitting| sitting.cores).max().unwrap_or(0);
+    format!("{} on {cores} core(s)", duration(sittings.wall_s()))
 }
 
 /// Who sees which seeds.
@@ -126,8 +134,8 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// Writes the report of a study folder again.
-pub fn again(folder: &Path) -> Result<PathBuf, StudyError> {
+/// Writes the report of a study folder again; what a document shows of it.
+pub fn again(folder: &Path) -> Result<String, StudyError> {
     let layout = Layout::new(folder);
     let plan = read_plan(&layout)?;
     write(&layout, &plan)

@@ -1,6 +1,6 @@
 //! Does what a study asks for: units in parallel worlds, each saved as it finishes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -20,8 +20,8 @@ use crate::run::{Layout, RunError, RunFolder, RunInfo, read_metrics, read_text};
 use crate::task::robots::Robots;
 use crate::train::session::Session;
 
-/// Runs a study in `out`, or what is left of it.
-pub fn run(plan: &Plan, out: &Path) -> Result<PathBuf, StudyError> {
+/// Runs a study in `out`, or what is left of it; what a document shows of it.
+pub fn run(plan: &Plan, out: &Path) -> Result<String, StudyError> {
     let folder = open(plan, out)?;
     let units = Unit::all(plan);
     let progress = Progress::new(units.iter().map(|unit| unit.episodes(plan)).sum());

@@ -128,6 +128,43 @@ fn every_committed_study_is_accepted() {
     }
 }
 
+#[test]
+fn two_studies_write_their_tables_into_a_document_and_nothing_else_of_it() {
+    let place = Place::new();
+    let study = |name: &str, arms: &str| {
+        place.file(
+            name,
+            &format!(
+                "kind = \"evaluation\"\ntitle = \"T\"\n{arms}[common]\ndirections = 1\nrepeats = 1\n\
+                 impulses_n_s = [1]\nset_scenario.end_after_push_s = 0.1\n"
+            ),
+        )
+    };
+    let one = study("one.toml", "[[arm]]\nname = \"held\"\ncontroller = \"braked\"\n");
+    let arms: String = (1..=4).map(|n| format!("[[arm]]\nname = \"a{n}\"\ncontroller = \"default\"\n")).collect();
+    let many = study("many.toml", &arms);
+    let content = "Before.\n<!-- study one -->\n<!-- end of study -->\nBetween.\n<!-- study many -->\nold\n<!-- end of study -->\n";
+    let document = place.file("results.md", content);
+    let out = place.path("out");
+    let into = ["--out", text(&out), "--into", &document];
+    let output = run(&[&["study", "run", &one, &many], &into[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let written = fs::read_to_string(&document).unwrap();
+    let parts = ["Before.\n", "| nominal | 1 | held | 100.0 % (1/1) |", "Between.\n", "| a4 | 1/1 |", "*T: "];
+    assert!(parts.iter().all(|part| written.contains(part)) && !written.contains("old"), "{written}");
+    let again = run(&["study", "report", text(&out.join("one")), text(&out.join("many")), "--into", &document]);
+    assert!(again.status.success());
+    assert_eq!(fs::read_to_string(&document).unwrap(), written);
+
+    // Without a place for it nothing begins.
+    let other = place.file("other.md", "nothing");
+    refused(
+        &["study", "run", &one, "--out", text(&place.run()), "--into", &other],
+        &["other.md", "<!-- study one -->"],
+    );
+    assert!(!place.run().exists());
+}
+
 fn refusal_of(file: &str, out: &Path, parts: &[&str]) {
     refused(&["study", "run", file, "--out", text(out)], parts);
 }
