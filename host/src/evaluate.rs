@@ -33,7 +33,7 @@ pub enum Controller {
     Braked,
     /// The pattern generators with a constant set.
     Constants(ParamSet),
-    /// The pattern generators, with an agent that moves one generator's parameters once a second.
+    /// The pattern generators, with an agent that moves some of their parameters once a second.
     Policy {
         /// The agent.
         policy: Box<Policy>,

@@ -2,8 +2,8 @@
 
     pip install -r tests/studies/requirements.txt
 
-A Gaussian process with a noise term, ten points at random, then the point of the largest expected improvement. What it
-recommends is the smallest expected loss of the whole cube, not the luckiest episode.
+A Gaussian process with a noise term, the start and nine points at random, then the point of the highest upper confidence
+bound: expected improvement would chase the luckiest episode. What it recommends is the best expected reward of the whole cube.
 """
 
 import json
@@ -31,7 +31,7 @@ def main():
     search = Optimizer(
         [(-1.0, 1.0)] * len(start),
         base_estimator="GP",
-        acq_func="EI",
+        acq_func="LCB",
         n_initial_points=min(10, begin["episodes"]),
         random_state=begin["seed"] % 2**32,
     )

@@ -1,6 +1,6 @@
 //! What LPG1 reads from the IMU: Factor and Step, and where and how fast the trunk falls.
 //!
-//! All of it follows from one motion message and the KNEE. Those messages come at 1 kHz at most, so it is worked out when
+//! All of it follows from one motion message and the rules. Those messages come at 1 kHz at most, so it is worked out when
 //! one comes in, and never in a tick.
 
 use sarah_protocol::bus::Motion;

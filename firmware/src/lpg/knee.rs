@@ -63,6 +63,8 @@ pub struct KneeInputs<'a> {
     pub load: [Q16; 2],
     /// Stroke \[left, right\], m, extension positive, 0 at rest.
     pub position: [Q16; 2],
+    /// The same as the sensors have it, however late.
+    pub sensed: [Q16; 2],
     /// Newest IMU products.
     pub fall: &'a Fall,
     /// Whether a new cycle may start.
@@ -107,9 +109,11 @@ pub struct Knee {
     patience_us: u32,
     /// A recovery was made since the last step.
     recovering: bool,
-    /// Since the swing foot was pulled up, until the pads said so: so late they are.
+    /// Stroke below which the swing foot has left the ground.
+    lifted_at: Q16,
+    /// Since the swing leg was pulled up, until the pads told of it: as late, or later, they will tell of touchdown.
     late_us: u32,
-    /// They have said so in this cycle.
+    /// They have told of it in this cycle.
     unloaded: bool,
     /// For so long the leg has waited at rest height for what the pads will say.
     waited_us: u32,
@@ -138,6 +142,7 @@ impl Knee {
             calm_us: 0,
             patience_us: KNEE.calm_us,
             recovering: false,
+            lifted_at: Q16::ZERO,
             late_us: 0,
             unloaded: false,
             waited_us: 0,
@@ -228,6 +233,7 @@ impl Knee {
             false => inputs.fall.step,
         };
         self.kick_height = KNEE.kick_fraction.times(self.step);
+        self.lifted_at = inputs.position[swing as usize] - KNEE.lift;
         // A recovery that upsets the robot so that it steps again must not become a habit.
         if self.recovering && !recovers {
             self.patience_us = match self.phase_us < KNEE.calm_us || self.displaced != [false; 2] {
@@ -269,7 +275,7 @@ impl Knee {
             self.enter(Phase::Retract);
             (self.late_us, self.waited_us, self.unloaded) = (0, 0, false);
         }
-        let grounded = self.carries(grounded, inputs.dt_us);
+        let grounded = self.carries(grounded, position, inputs.dt_us);
         if self.phase == Phase::Retract {
             let late = self.passed(KNEE.stroke_us, inputs.dt_us);
             if position > -self.step && !late {
@@ -285,28 +291,32 @@ impl Knee {
         self.flags(grounded, true, out);
         let reaches = self.reaches(grounded, inputs.fall);
         let waits = !self.unloaded | (self.waited_us < self.late_us);
-        if reaches && position >= Q16::ZERO && waits && !late {
+        if reaches && position >= Q16::ZERO && waits && self.waited_us < KNEE.wait_us {
             // The foot may be down already, and the pads as late to tell as they were at lift-off.
             self.waited_us = self.waited_us.saturating_add(inputs.dt_us);
             return Drive::Brake;
         }
-        let goal = if reaches { KNEE.reach } else { Q16::ZERO };
+        // Pads that have told nothing at all are no reason to reach for the ground.
+        let goal = if reaches && self.unloaded { KNEE.reach } else { Q16::ZERO };
         let near = within(goal - position - KNEE.lead_margin, speed, KNEE.lead_us);
-        if late || near || landed && inputs.fall.falls {
-            out.timed_out |= late;
+        // A leg that did not follow its retraction is longer than reckoned. Its sensor says so, and being late makes no leg
+        // longer than it was.
+        let beyond = inputs.sensed[self.swing as usize] > goal + KNEE.beyond;
+        if late || near || beyond || landed && inputs.fall.falls {
+            out.timed_out |= late | beyond;
             return self.end(out);
         }
         Drive::Velocity(speed)
     }
 
-    /// Whether the swing foot carries load. One that is pulled up faster than the robot can fall has left the ground, though
-    /// the pads tell it later.
-    fn carries(&mut self, grounded: bool, dt_us: u32) -> bool {
+    /// Whether the swing foot carries load. One that is pulled up farther than the pads give has left the ground, though
+    /// they tell it later.
+    fn carries(&mut self, grounded: bool, position: Q16, dt_us: u32) -> bool {
         if self.unloaded {
             return grounded;
         }
         self.unloaded = !grounded;
-        let up = self.late_us >= KNEE.lift_us;
+        let up = self.lifted || position <= self.lifted_at;
         if grounded {
             self.late_us = self.late_us.saturating_add(dt_us);
         }
@@ -364,7 +374,8 @@ impl Knee {
             self.airborne = false;
             raise(out, GaitEvent::Touchdown);
         }
-        if grounded && self.lifted && may_count && !self.counted {
+        // A foot that the pads never saw in the air has made no step.
+        if grounded && self.lifted && self.unloaded && may_count && !self.counted {
             self.counted = true;
             self.steps = self.steps.wrapping_add(1);
         }

@@ -36,8 +36,9 @@ pub struct KneeRules {
     pub kick_us: u32,
     /// A foot that alone carries the robot after the kick is lifted only with ξ ahead beyond one of these.
     pub lift_xi: [Q16; 2],
-    /// A foot that is pulled up leaves the ground within this, whatever the pads say.
-    pub lift_us: u32,
+    /// A foot whose leg is this much shorter than when the cycle began has left the ground, whatever the pads say: they
+    /// give 4 mm.
+    pub lift: Q16,
     /// Retraction and extension are cut off after this.
     pub stroke_us: u32,
     /// While |ξ| is above this the robot falls.
@@ -45,6 +46,11 @@ pub struct KneeRules {
     /// A falling robot reaches for the ground this far beyond rest, once the pads have had as long to tell of touchdown as
     /// they took to tell of lift-off; a leg that lands while falling brakes at once.
     pub reach: Q16,
+    /// It waits for them no longer than this.
+    pub wait_us: u32,
+    /// An extension ends where the sensor sees the leg this far beyond its goal: more than a kick, and a leg that was kicked
+    /// is where a late one may see it still.
+    pub beyond: Q16,
     /// Otherwise it finishes the extension to rest at this speed, m/s.
     pub touchdown_speed: Q16,
     /// The brake is applied this long before the goal of the extension would be reached, plus the margin.
@@ -80,10 +86,12 @@ pub const KNEE: KneeRules = KneeRules {
     kick_fraction: Q16::lit(0.1323),
     kick_us: 66_600,
     lift_xi: [Q16::lit(0.3879), Q16::lit(0.644)],
-    lift_us: 15_000,
+    lift: Q16::lit(0.012),
     stroke_us: 500_000,
     fall_xi: Q16::lit(0.2701),
     reach: Q16::lit(0.0451),
+    wait_us: 150_000,
+    beyond: Q16::lit(0.015),
     touchdown_speed: Q16::lit(0.3121),
     lead_us: 5_000,
     lead_margin: Q16::lit(0.001),

@@ -129,6 +129,7 @@ impl Controller for KneeNode {
             dt_us,
             load: [left_heel + left_toe, right_heel + right_toe],
             position: self.link.position(),
+            sensed: self.link.sensed(),
             fall: &self.fall,
             may_start: !self.link.must_brake() && self.link.fresh(),
         };

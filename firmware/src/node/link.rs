@@ -109,6 +109,11 @@ impl<P: Copy> NodeLink<P> {
         [left.at(), right.at()]
     }
 
+    /// Newest plausible positions, as the sensors have them.
+    pub fn sensed(&self) -> [Q16; 2] {
+        self.good
+    }
+
     /// Brakes are due at once: never armed, disarmed, or halted.
     pub fn must_brake(&self) -> bool {
         self.halted || self.mode == Mode::Braked
@@ -192,20 +197,17 @@ impl<P: Copy> NodeLink<P> {
         let most = self.plausible.0 as u32;
         // −most ≤ position ≤ most, both in one comparison.
         let within = |position: Q16| (position.0 as u32).wrapping_add(most) <= 2 * most;
-        if within(left) {
-            self.good[0] = left;
-        } else {
-            limits |= limits::SENSOR;
-        }
-        if within(right) {
-            self.good[1] = right;
-        } else {
-            limits |= limits::SENSOR;
-        }
-        let ([left, right], [left_good, right_good]) = (&mut self.places, self.good);
         let gather_us = if matches!(self.id, NodeId::Knee) { 0 } else { SWING_GATHER_US };
-        left.advance(dt_us, gather_us, left_good);
-        right.advance(dt_us, gather_us, right_good);
+        for ((place, good), sensed) in self.places.iter_mut().zip(&mut self.good).zip([left, right]) {
+            if within(sensed) {
+                *good = sensed;
+                place.advance(dt_us, gather_us, sensed);
+            } else {
+                limits |= limits::SENSOR;
+                // What it said last is no news: the joint stays where it is reckoned.
+                place.advance(dt_us, gather_us, place.at());
+            }
+        }
         if self.mode == Mode::Braked {
             limits |= limits::BRAKED;
         }
@@ -220,20 +222,17 @@ impl<P: Copy> NodeLink<P> {
 
     /// End of the decision: brakes what would pass the end of its range, and remembers what the joints are told.
     pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
-        let ([left, right], [left_at, right_at]) = (drive, self.good);
-        self.stop_at_end(left, left_at);
-        self.stop_at_end(right, right_at);
-        let [left_place, right_place] = &mut self.places;
-        left_place.told(*left);
-        right_place.told(*right);
-    }
-
-    #[inline]
-    fn stop_at_end(&mut self, drive: &mut Drive, at: Q16) {
-        let Drive::Velocity(speed) = *drive else { return };
-        if (speed > Q16::ZERO && at >= self.end_stop) || (speed < Q16::ZERO && at <= -self.end_stop) {
-            *drive = Drive::Brake;
-            self.limits |= limits::END_STOP;
+        for ((drive, place), good) in drive.iter_mut().zip(&mut self.places).zip(self.good) {
+            if let Drive::Velocity(speed) = *drive {
+                // A late sensor has not seen it there yet, a stalled one may be there unreckoned: either is enough.
+                let at = place.at();
+                let outward = if speed > Q16::ZERO { at.max(good) } else { -at.min(good) };
+                if outward >= self.end_stop {
+                    *drive = Drive::Brake;
+                    self.limits |= limits::END_STOP;
+                }
+            }
+            place.told(*drive);
         }
     }
 
@@ -296,5 +295,52 @@ mod tests {
                 proptest::prop_assert_eq!(i64::from(decinewtons(Q16(force))), exact);
             }
         }
+    }
+
+    /// A hip's link, with a sensor that says `sensed`, told `drive` until it brakes or 100 ms have passed.
+    fn moved(sensed: impl Fn(f64) -> f64) -> (NodeLink<()>, Drive) {
+        let config = NodeConfig {
+            default: ParamSet::table_ii(),
+            boot_nonce: 1,
+            end_stop: Q16::lit(0.3),
+            plausible: Q16::lit(0.7),
+        };
+        let mut link = NodeLink::new(NodeId::Hip, &config, ());
+        let mut last = Drive::Brake;
+        for tick in 0..100 {
+            let at = (f64::from(tick) * 0.005 - 0.025).max(0.0);
+            let sensors = Sensors { position: [Q16::lit(sensed(at)), Q16::ZERO], load: [Q16::ZERO; 4] };
+            link.begin(1_000, &sensors);
+            let mut drive = [Drive::Velocity(Q16::lit(5.0)), Drive::Brake];
+            link.stop_at_ends(&mut drive);
+            last = drive[0];
+            if last == Drive::Brake {
+                break;
+            }
+        }
+        (link, last)
+    }
+
+    #[test]
+    fn the_end_of_a_range_brakes_whoever_sees_it_first_reckoning_or_sensor() {
+        for sensed in [|_| 0.0, |at| at, |at| 2.0 * at] {
+            let (link, last) = moved(sensed);
+            assert_eq!(last, Drive::Brake);
+            assert_ne!(link.limits & limits::END_STOP, 0);
+            assert!(link.position()[0] < Q16::lit(0.31), "{:?}", link.position());
+        }
+    }
+
+    #[test]
+    fn a_joint_whose_sensor_is_lost_stays_where_it_is_reckoned() {
+        let (mut link, _) = moved(|at| if at > 0.1 { 9.0 } else { at });
+        let reckoned = link.position()[0];
+        assert!(reckoned > Q16::lit(0.29));
+        for _ in 0..300 {
+            link.begin(1_000, &Sensors { position: [Q16::lit(9.0), Q16::ZERO], load: [Q16::ZERO; 4] });
+            link.stop_at_ends(&mut [Drive::Brake; 2]);
+        }
+        assert_eq!(link.position()[0], reckoned);
+        assert_ne!(link.limits & limits::SENSOR, 0);
     }
 }

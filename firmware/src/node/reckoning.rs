@@ -2,7 +2,7 @@
 //!
 //! A sensor that is 60 ms late lets a leg at 0.9 m/s pass its goal by 54 mm; the speed of a geared actuator is known to a
 //! few per cent. So a move counts from where the sensor saw the joint at rest, and the sensor is believed again when the
-//! joint has rested for longer than it can be late.
+//! joint has rested for longer than sensors are late that are worth having.
 
 use sarah_protocol::fixed::{Q16, wide};
 
@@ -15,7 +15,7 @@ pub const BELIEVED_AFTER_US: u32 = 100_000;
 #[derive(Clone, PartialEq, Debug)]
 pub struct Place {
     at: Q16,
-    /// What `at` leaves out, 2⁻²⁰ of its steps: a tick adds less than one.
+    /// What `at` leaves out, in 2⁻²⁰ of its steps.
     fraction: i32,
     /// What it was told in the last tick, rad/s or m/s; 0 is braked.
     speed: Q16,
@@ -87,8 +87,8 @@ impl Place {
     }
 }
 
-/// A longer gap between ticks counts as this much.
-const MAX_STEP_US: u32 = 20_000;
+/// A longer gap between ticks counts as this much: the joint has reached its end by then.
+const MAX_STEP_US: u32 = 1_000_000;
 
 #[cfg(test)]
 mod tests {

@@ -266,6 +266,7 @@ proptest! {
                 dt_us,
                 load: load.map(Q16),
                 position: position.map(Q16),
+                sensed: position.map(Q16),
                 fall: &Fall::of(&PlainDivider, &motion),
                 may_start,
             };

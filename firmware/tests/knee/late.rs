@@ -5,7 +5,7 @@ use sarah_firmware::lpg::knee::Phase;
 use sarah_firmware::lpg::rules::KNEE;
 use sarah_protocol::bus::GaitEvent;
 
-use crate::rig::{AIR, LOADED, PUSHED, RATES, Rig, motion, names};
+use crate::rig::{AIR, LOADED, PUSHED, QUIET, RATES, Rig, motion, names};
 
 /// A cycle at the beginning of its retraction, falling forward.
 fn pulled_up(dt_us: u32) -> Rig {
@@ -25,9 +25,46 @@ fn pass(rig: &mut Rig, us: u32) -> Vec<GaitEvent> {
 fn a_foot_that_is_pulled_up_has_lifted_though_its_pads_say_nothing_yet() {
     for dt in RATES {
         let mut rig = pulled_up(dt);
-        assert_eq!(pass(&mut rig, KNEE.lift_us / 10_000 * 10_000), []);
-        assert_eq!(pass(&mut rig, 10_000), [GaitEvent::LiftOff]);
+        let lift = -f64::from(KNEE.lift.to_f32());
+        loop {
+            let at = rig.position[0];
+            let lifted = rig.tick().events.contains(&GaitEvent::LiftOff);
+            assert_eq!(lifted, at <= lift, "{at} m");
+            if lifted {
+                break;
+            }
+        }
     }
+}
+
+#[test]
+fn pads_that_never_tell_of_lift_off_end_the_cycle_at_rest_height_and_count_no_step() {
+    for dt in RATES {
+        let mut rig = pulled_up(dt);
+        let events = rig.run(|r| r.knee.phase() == Phase::Idle);
+        assert_eq!(names(&events), [GaitEvent::LiftOff, GaitEvent::CycleEnd]);
+        assert!(rig.position[0].abs() < 0.01, "{}", rig.position[0]);
+        let most = 2.0 * f64::from(KNEE.step.1.to_f32()) / 0.3 + f64::from(KNEE.wait_us) * 1e-6;
+        assert!(events[1].1 < most, "{} s", events[1].1);
+        rig.motion = QUIET();
+        pass(&mut rig, 100_000);
+        assert_eq!(rig.knee.steps(), 0);
+    }
+}
+
+#[test]
+fn an_extension_ends_where_its_sensor_sees_the_leg_beyond_its_goal() {
+    let mut rig = pulled_up(1_000);
+    rig.load[0] = AIR;
+    rig.run(|r| r.knee.phase() == Phase::Extend);
+    rig.motion = QUIET();
+    // It hangs where it was when the cycle began, and was extended from there.
+    rig.sensed = Some([0.014, 0.0]);
+    assert!(!rig.tick().timed_out);
+    rig.sensed = Some([0.016, 0.0]);
+    let out = rig.tick();
+    assert!(out.timed_out && rig.knee.phase() == Phase::Idle);
+    assert_eq!(out.drive, [Drive::Brake; 2]);
 }
 
 #[test]

@@ -31,6 +31,8 @@ pub struct Rig {
     pub knee: Knee,
     pub dt_us: u32,
     pub position: [f64; 2],
+    /// What the sensors say, if not the position.
+    pub sensed: Option<[f64; 2]>,
     pub load: [Q16; 2],
     pub motion: Motion,
     pub may_start: bool,
@@ -48,7 +50,15 @@ impl Rig {
 
     /// Armed just now.
     pub fn set_down(dt_us: u32) -> Rig {
-        Rig { knee: Knee::idle(), dt_us, position: [0.0; 2], load: [LOADED; 2], motion: QUIET(), may_start: true }
+        Rig {
+            knee: Knee::idle(),
+            dt_us,
+            position: [0.0; 2],
+            sensed: None,
+            load: [LOADED; 2],
+            motion: QUIET(),
+            may_start: true,
+        }
     }
 
     pub fn tick(&mut self) -> KneeOutputs {
@@ -56,6 +66,7 @@ impl Rig {
             dt_us: self.dt_us,
             load: self.load,
             position: self.position.map(Q16::lit),
+            sensed: self.sensed.unwrap_or(self.position).map(Q16::lit),
             fall: &Fall::of(&PlainDivider, &self.motion),
             may_start: self.may_start,
         };

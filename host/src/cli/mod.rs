@@ -104,7 +104,7 @@ enum Verb {
     /// Ask many questions at once: a file of arms, seeds and conditions, answered with tables and figures.
     #[command(after_help = "Examples:\n  sarah study run tests/studies/push-map.toml\n  \
         sarah study run tests/studies/ablation.toml --out runs/ablation   again, to go on after it was cut off\n  \
-        sarah study run tests/studies/small.toml --print-config\n  \
+        sarah study run tests/studies/check/small.toml --print-config\n  \
         sarah study report runs/ablation")]
     Study {
         #[command(subcommand)]

@@ -51,7 +51,7 @@ impl Terminal {
         }
         if heard.is_empty() {
             // A host that was killed leaves the terminal marked as exclusive for as long as this end is open. A living one
-            // holds a lock on it as well, which keeps others out.
+            // holds a lock as well, which keeps out all who ask for one, as every host of this project does.
             rustix::termios::ioctl_tiocnxcl(&self.far).map_err(std::io::Error::from)?;
         }
         self.pending.extend(said);

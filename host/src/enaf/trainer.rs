@@ -177,7 +177,8 @@ impl Trainer {
         let decisions = episode.rewards.len();
         let return_sum = episode.rewards.iter().sum::<f32>();
         let reward_mean = return_sum / self.config.horizon as f32;
-        if !self.noise.noisy() {
+        // Without a coin no episode is free of noise; μ is noted before the noise is added.
+        if !self.noise.noisy() || self.config.noise.coin >= 1.0 {
             if self.noise_free.len() == self.config.average_episodes {
                 self.noise_free.pop_front();
             }

@@ -93,7 +93,7 @@ fn sessions(text: &mut String, report: &RunReport) {
     let _ = writeln!(text, "## What each session learned\n\n{}", table.markdown());
     text.push_str(
         "Rewards are interquartile means over all seeds and evaluation episodes (seeds × episodes); differences are \
-         means of pairs on common pushes with a 95 % bootstrap interval that draws seeds, then episodes. A session \
+         means of pairs on common pushes with a 95 % bootstrap interval that draws seeds and pushes. A session \
          learned if that interval lies above zero.\n\n",
     );
     for session in &report.sessions {

@@ -1,6 +1,6 @@
 //! What each session learned, and whether that is more than noise.
 
-use crate::stats::{BootstrapError, Interval, Statistic, bootstrap_groups, iqm};
+use crate::stats::{BootstrapError, Interval, Statistic, bootstrap_crossed, iqm};
 use serde::{Deserialize, Serialize};
 
 /// One training session.
@@ -31,7 +31,7 @@ pub struct LearnerReport {
     pub start: Option<f64>,
     /// Interquartile mean reward after.
     pub trained: Option<f64>,
-    /// Mean paired difference with its 95 % interval, seeds drawn first, then episodes.
+    /// Mean paired difference with its 95 % interval, seeds and pushes drawn.
     pub difference: Option<Interval>,
 }
 
@@ -55,15 +55,15 @@ impl LearnerReport {
         if !paired {
             return Err(BootstrapError::Unpaired { after: all_after.len(), before: all_before.len() });
         }
-        let differences: Vec<Vec<f64>> =
-            after.iter().zip(before).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect();
+        let differences: Vec<Vec<Option<f64>>> =
+            after.iter().zip(before).map(|(a, b)| a.iter().zip(b).map(|(a, b)| Some(a - b)).collect()).collect();
         Ok(Self {
             learner: learner.into(),
             seeds: after.len() as u32,
             evaluated: all_after.len() as u32,
             start: iqm(&all_before),
             trained: iqm(&all_after),
-            difference: bootstrap_groups(&differences, Statistic::Mean, rng_seed),
+            difference: bootstrap_crossed(&differences, Statistic::Mean, rng_seed),
         })
     }
 

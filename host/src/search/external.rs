@@ -110,8 +110,14 @@ impl Search for ExternalSearch {
 
 impl Drop for ExternalSearch {
     fn drop(&mut self) {
-        // At the end of its input it should end; one that does not is ended, so that none outlives the run.
+        // The end of its input asks it to end; one that has not within a second is ended, so that none outlives the run.
         self.to = None;
+        for _ in 0..100 {
+            if matches!(self.process.try_wait(), Ok(Some(_)) | Err(_)) {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -69,17 +69,21 @@ pub fn bootstrap(values: &[f64], statistic: Statistic, seed: u64) -> Option<Inte
     })
 }
 
-/// The interval of a statistic of values that come in groups (episodes of several seeds): groups are drawn, then
-/// values within each. With few seeds this is wider, and truer, than treating all episodes alike.
+/// The interval of a statistic of values in rows and columns (seeds, and the pushes that all of them were judged on): rows
+/// are drawn, and columns, and what lies where they cross is taken. A push that is hard is hard for every seed, so drawing
+/// pushes anew for each seed would promise too much.
 ///
-/// Empty groups are ignored.
-pub fn bootstrap_groups(groups: &[Vec<f64>], statistic: Statistic, seed: u64) -> Option<Interval> {
-    let groups: Vec<&Vec<f64>> = groups.iter().filter(|group| !group.is_empty()).collect();
-    let all: Vec<f64> = groups.iter().copied().flatten().copied().collect();
+/// Rows shorter than the longest, and `None`, are holes.
+pub fn bootstrap_crossed(rows: &[Vec<Option<f64>>], statistic: Statistic, seed: u64) -> Option<Interval> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let all: Vec<f64> = rows.iter().flatten().flatten().copied().collect();
+    let mut drawn = Vec::with_capacity(columns);
     resample(statistic.of(&all)?, seed, |rng, sample| {
-        for _ in 0..groups.len() {
-            let group = groups[rng.random_range(0..groups.len())];
-            sample.extend((0..group.len()).map(|_| group[rng.random_range(0..group.len())]));
+        drawn.clear();
+        drawn.extend((0..columns).map(|_| rng.random_range(0..columns)));
+        for _ in 0..rows.len() {
+            let row = &rows[rng.random_range(0..rows.len())];
+            sample.extend(drawn.iter().filter_map(|column| row.get(*column).copied().flatten()));
         }
         statistic.of(sample)
     })
@@ -179,13 +183,17 @@ mod tests {
     }
 
     #[test]
-    fn groups_widen_the_interval_when_they_disagree() {
-        let groups: Vec<Vec<f64>> =
-            (0..5).map(|group| uniform(50, group).iter().map(|value| value + group as f64).collect()).collect();
-        let all: Vec<f64> = groups.iter().flatten().copied().collect();
+    fn seeds_or_pushes_that_disagree_widen_the_interval() {
+        let rows = |offset: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<Option<f64>>> {
+            let row = |row: usize| uniform(50, row as u64).into_iter().enumerate();
+            (0..5).map(|seed| row(seed).map(|(push, value)| Some(value + offset(seed, push))).collect()).collect()
+        };
         let width = |interval: Option<Interval>| interval.map(|interval| interval.high - interval.low).unwrap();
-        let grouped = width(bootstrap_groups(&groups, Statistic::Mean, 9));
-        assert!(grouped > 2.0 * width(bootstrap(&all, Statistic::Mean, 9)));
-        assert_eq!(bootstrap_groups(&[vec![]], Statistic::Mean, 9), None);
+        for rows in [rows(&|seed, _| seed as f64), rows(&|_, push| (push % 7) as f64)] {
+            let all: Vec<f64> = rows.iter().flatten().flatten().copied().collect();
+            let crossed = width(bootstrap_crossed(&rows, Statistic::Mean, 9));
+            assert!(crossed > 1.8 * width(bootstrap(&all, Statistic::Mean, 9)), "{crossed}");
+        }
+        assert_eq!(bootstrap_crossed(&[vec![None], vec![]], Statistic::Mean, 9), None);
     }
 }

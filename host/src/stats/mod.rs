@@ -8,7 +8,7 @@ mod order;
 mod proportion;
 
 pub use bootstrap::{
-    BootstrapError, Interval, RESAMPLES, Statistic, bootstrap, bootstrap_groups, improvement, paired_difference,
+    BootstrapError, Interval, RESAMPLES, Statistic, bootstrap, bootstrap_crossed, improvement, paired_difference,
 };
 pub use order::{iqm, mean, median, percentile, probability_of_improvement};
 pub use proportion::{Proportion, wilson};

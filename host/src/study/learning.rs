@@ -6,7 +6,7 @@ use super::compare::BOOTSTRAP_SEED;
 use super::plan::TrainingPlan;
 use super::unit::{ArmData, SessionData};
 use crate::metrics::{EpisodeResult, Outcome};
-use crate::stats::{Interval, Statistic, bootstrap, bootstrap_groups, improvement, iqm, mean};
+use crate::stats::{Interval, Statistic, bootstrap, bootstrap_crossed, improvement, iqm, mean};
 use crate::task::reward::RewardForm;
 
 /// Episodes in the mean that has to stay.
@@ -56,7 +56,7 @@ pub struct ArmRow {
     pub judged: Option<f64>,
     pub judged_low: Option<f64>,
     pub judged_high: Option<f64>,
-    /// Mean over seeds and episodes of what the session added to the start, on the same pushes.
+    /// Mean over seeds and pushes of what the session added to what it began with, on the same pushes.
     pub gain: Option<f64>,
     pub gain_low: Option<f64>,
     pub gain_high: Option<f64>,
@@ -86,16 +86,15 @@ fn rewards(results: &[EpisodeResult], form: RewardForm) -> Vec<f64> {
     valid.map(|result| result.reward(form).into()).collect()
 }
 
-/// Judged rewards less those of `before` on the same pushes, where both are valid.
-fn differences(after: &[EpisodeResult], before: &[EpisodeResult], form: RewardForm) -> Vec<f64> {
-    let pairs =
-        after.iter().zip(before).filter(|(after, before)| after.outcome.is_valid() && before.outcome.is_valid());
-    pairs.map(|(after, before)| f64::from(after.reward(form)) - f64::from(before.reward(form))).collect()
+/// Judged rewards less those of `before`, push by push; a hole where one is not valid.
+fn differences(after: &[EpisodeResult], before: &[EpisodeResult], form: RewardForm) -> Vec<Option<f64>> {
+    let valid = |result: &EpisodeResult| result.outcome.is_valid().then(|| f64::from(result.reward(form)));
+    after.iter().zip(before).map(|(after, before)| Some(valid(after)? - valid(before)?)).collect()
 }
 
-/// Mean over all seeds with its interval, seeds drawn first, then episodes.
-fn mean_difference(seeds: &[Vec<f64>]) -> Option<Interval> {
-    bootstrap_groups(seeds, Statistic::Mean, BOOTSTRAP_SEED)
+/// Mean over all seeds and pushes with its interval.
+fn mean_difference(seeds: &[Vec<Option<f64>>]) -> Option<Interval> {
+    bootstrap_crossed(seeds, Statistic::Mean, BOOTSTRAP_SEED)
 }
 
 /// Rows of every seed and of every arm, session by session.
@@ -147,7 +146,12 @@ fn arm_row(
     let better = reference.and_then(|reference| improvement(judged, reference, BOOTSTRAP_SEED));
     let form = arm.arm.config.reward;
     let sessions = || arm.chains.iter().filter_map(|(_, sessions)| sessions.get(index));
-    let gain = mean_difference(&sessions().map(|data| differences(&data.judged, &arm.start, form)).collect::<Vec<_>>());
+    let gained = |sessions: &Vec<SessionData>| {
+        // What the session began with is what the one before it ended with.
+        let before = index.checked_sub(1).map_or(&arm.start, |before| &sessions[before].judged);
+        sessions.get(index).map(|data| differences(&data.judged, before, form))
+    };
+    let gain = mean_difference(&arm.chains.iter().filter_map(|(_, sessions)| gained(sessions)).collect::<Vec<_>>());
     let modulation =
         mean_difference(&sessions().map(|data| differences(&data.judged, &data.held, form)).collect::<Vec<_>>());
     let budget = |row: &SeedRow| row.episodes_to_stability.map_or(f64::from(plan.episodes), |episodes| episodes as f64);
@@ -199,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_pair_episode_by_episode_and_leave_out_what_the_simulation_spoilt() {
+    fn differences_pair_push_by_push_and_leave_holes_where_the_simulation_failed() {
         let result = |reward_gated, outcome| EpisodeResult {
             direction_deg: None,
             impulse_n_s: 18.0,
@@ -216,7 +220,7 @@ mod tests {
         let (survived, spoilt) = (Outcome::Survived, Outcome::NonFinite { at_s: 1.0 });
         let after = [result(0.75, survived), result(0.5, survived), result(0.0, spoilt)];
         let before = [result(0.5, survived), result(0.25, spoilt), result(0.5, survived)];
-        assert_eq!(differences(&after, &before, RewardForm::Gated), [0.25]);
-        assert_eq!(differences(&after, &[], RewardForm::Gated), [0.0; 0]);
+        assert_eq!(differences(&after, &before, RewardForm::Gated), [Some(0.25), None, None]);
+        assert_eq!(differences(&after, &[], RewardForm::Gated), []);
     }
 }

@@ -22,8 +22,8 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
     let _ = writeln!(
         body,
         "Judged: mean reward over {} episodes of common pushes that nobody trained on, then the interquartile mean \
-         over seeds, with its 95 % bootstrap interval over seeds. Gain: the mean of what was added to the start, push \
-         by push, with its interval over seeds, then episodes. Modulation: the mean of what the agent earned beyond its \
+         over seeds, with its 95 % bootstrap interval over seeds. Gain: the mean of what the session added to \
+         what it began with, push by push; its interval draws seeds and pushes. Modulation: the mean of what the agent earned beyond its \
          own average set held constant, push by push; only of agents whose action depends on the state. Better than {reference}: the probability that a seed \
          of this arm is judged higher than one of {reference}, with its interval. Stable after: the first episode from \
          which the mean reward of the {WINDOW} episodes that end there stays, to the end, at {:.0} % or more of the \

@@ -248,6 +248,9 @@ impl TrainConfig {
             let rule = "a program and its arguments, with the method external and only with it";
             return Err(ConfigError::Field { field: "external", rule });
         }
+        if self.link.is_some() && !self.draw.is_empty() {
+            return Err(ConfigError::Field { field: "draw", rule: "left out on a robot, which is the one it is" });
+        }
         self.enaf.validate()?;
         self.robots()?;
         self.train_scenario()?;

@@ -7,7 +7,7 @@ use super::TrainError;
 use super::config::{Method, TrainConfig};
 use super::journal::{Journal, Row};
 use crate::enaf::trainer::episode_seed;
-use crate::enaf::{EnafError, Policy, Trainer};
+use crate::enaf::{EnafError, Environment, Policy, Trainer};
 use crate::evaluate::{Controller, Watch, run_episode};
 use crate::run::{read_text, write_atomic};
 use crate::search::{CmaEs, ExternalSearch, RandomSearch, Search, run_constant};
@@ -57,7 +57,7 @@ pub struct Trained {
 pub struct Modulation {
     /// The agent.
     pub policy: Policy,
-    /// The set that it does on average: what its dependence on the state has to beat.
+    /// The mean of what it does in the session's validation episodes: what its dependence on the state has to beat.
     pub mean: ParamSet,
 }
 
@@ -198,6 +198,7 @@ impl Session {
     /// Constants are handed on only if they beat the session's start on the mean of
     /// [`TrainConfig::validation_episodes`] common pushes, which no session trains on and nobody is judged on: a
     /// session that had nothing to gain must not pass its last noise on to the next. The paper's form is left as it is.
+    /// An agent whose action depends on the state is judged as it is, whatever becomes of its constants.
     pub fn trained(&mut self) -> Result<Trained, TrainError> {
         let mut trained = self.candidate()?;
         if self.method != Method::EnafPaper && trained.constants != self.base {
@@ -239,8 +240,43 @@ impl Session {
             Learner::Search { search, .. } => (search.recommend()?, None),
         };
         let constants = action::decode(&self.base, self.scope, &constants);
-        let policy = policy.map(|policy| Modulation { policy, mean: constants });
+        let policy = match policy {
+            Some(mut policy) => Some(Modulation { mean: self.habit(&mut policy)?, policy }),
+            None => None,
+        };
         Ok(Trained { constants, policy, broken: self.journal.broken() })
+    }
+}
+
+impl Session {
+    /// The mean of all decisions that `policy` makes in the validation episodes.
+    fn habit(&mut self, policy: &mut Policy) -> Result<ParamSet, TrainError> {
+        let mut sum = vec![0.0; self.scope.range().len()];
+        let mut decisions = 0.0;
+        for index in 0..u64::from(self.validation_episodes) {
+            let mut play = || -> Result<(), EnafError> {
+                policy.reset();
+                let world = episode_seed(VALIDATION_SEED + self.seed, index);
+                let mut observation = self.env.reset(world).map_err(EnafError::Environment)?;
+                for _ in 0..self.env.horizon() {
+                    let action = policy.act(&observation)?;
+                    sum.iter_mut().zip(&action).for_each(|(sum, action)| *sum += action);
+                    decisions += 1.0;
+                    let outcome = self.env.decide(&action).map_err(EnafError::Environment)?;
+                    if outcome.end.is_some() {
+                        break;
+                    }
+                    observation = outcome.observation;
+                }
+                Ok(())
+            };
+            match play() {
+                Err(EnafError::Environment(error)) if error.is::<BrokenWorld>() => {}
+                other => other?,
+            }
+        }
+        let mean: Vec<f32> = sum.iter().map(|sum| sum / f32::max(decisions, 1.0)).collect();
+        Ok(action::decode(&self.base, self.scope, &mean))
     }
 }
 

@@ -61,10 +61,10 @@ fn same(one: &Path, other: &Path) {
 fn the_small_study_runs_is_taken_up_after_kills_and_ends_byte_identical() {
     let place = Place::new();
     let (whole, cut) = (place.path("whole"), place.path("cut"));
-    let stdout = finished(&committed("small.toml"), &whole);
+    let stdout = finished(&committed("check/small.toml"), &whole);
     assert!(stdout.contains("nominal") && stdout.contains("braked") && stdout.contains("report.md"), "{stdout}");
     let moments = ["run.json", "evaluated/default.nominal.12.json", "evaluated/default.drawn.18.json"];
-    killed_again_and_again(&committed("small.toml"), &cut, &moments);
+    killed_again_and_again(&committed("check/small.toml"), &cut, &moments);
     same(&whole, &cut);
     for needed in
         ["tables/cells.csv", "tables/differences.csv", "figures/push-map-nominal.svg", "figures/drift-drawn.png"]
@@ -82,7 +82,7 @@ fn the_small_study_runs_is_taken_up_after_kills_and_ends_byte_identical() {
     assert!(computed(&whole) == before);
 
     // Another study does not mix with this one's data.
-    let other = fs::read_to_string(committed("small.toml")).expect("reads").replace("= [18]", "= [21]");
+    let other = fs::read_to_string(committed("check/small.toml")).expect("reads").replace("= [18]", "= [21]");
     refusal_of(&place.file("other.toml", &other), &whole, &["another study", "--out"]);
 }
 

@@ -211,7 +211,7 @@ fn examples_of_study_begin_to_answer_and_report_what_is_there() {
             shop.until(&example, || shop.rows() > 1);
             // The report is of a study that was finished, under the name that the example has.
             fs::remove_dir_all(shop.path("runs/ablation")).expect("removes");
-            shop.whole("sarah study run tests/studies/small.toml --out runs/ablation");
+            shop.whole("sarah study run tests/studies/check/small.toml --out runs/ablation");
         } else {
             shop.whole(&example);
         }
