@@ -194,20 +194,14 @@ impl<P: Copy> NodeLink<P> {
         self.since_status_us = self.since_status_us.saturating_add(dt_us);
         let mut limits = 0;
         let [left, right] = sensors.position;
-        let most = self.plausible.0 as u32;
-        // −most ≤ position ≤ most, both in one comparison.
-        let within = |position: Q16| (position.0 as u32).wrapping_add(most) <= 2 * most;
         let gather_us = if matches!(self.id, NodeId::Knee) { 0 } else { SWING_GATHER_US };
-        for ((place, good), sensed) in self.places.iter_mut().zip(&mut self.good).zip([left, right]) {
-            if within(sensed) {
-                *good = sensed;
-                place.advance(dt_us, gather_us, sensed);
-            } else {
-                limits |= limits::SENSOR;
-                // What it said last is no news: the joint stays where it is reckoned.
-                place.advance(dt_us, gather_us, place.at());
-            }
+        let ([left_place, right_place], [left_good, right_good]) = (&mut self.places, &mut self.good);
+        let plausible = sense(left_place, left_good, left, self.plausible);
+        if !(sense(right_place, right_good, right, self.plausible) & plausible) {
+            limits |= limits::SENSOR;
         }
+        left_place.advance(dt_us, gather_us);
+        right_place.advance(dt_us, gather_us);
         if self.mode == Mode::Braked {
             limits |= limits::BRAKED;
         }
@@ -222,18 +216,14 @@ impl<P: Copy> NodeLink<P> {
 
     /// End of the decision: brakes what would pass the end of its range, and remembers what the joints are told.
     pub fn stop_at_ends(&mut self, drive: &mut [Drive; 2]) {
-        for ((drive, place), good) in drive.iter_mut().zip(&mut self.places).zip(self.good) {
-            if let Drive::Velocity(speed) = *drive {
-                // A late sensor has not seen it there yet, a stalled one may be there unreckoned: either is enough.
-                let at = place.at();
-                let outward = if speed > Q16::ZERO { at.max(good) } else { -at.min(good) };
-                if outward >= self.end_stop {
-                    *drive = Drive::Brake;
-                    self.limits |= limits::END_STOP;
-                }
-            }
-            place.told(*drive);
+        let ([left, right], [left_place, right_place]) = (drive, &mut self.places);
+        let [left_good, right_good] = self.good;
+        let stopped = stop_at_end(left, left_place.at(), left_good, self.end_stop);
+        if stop_at_end(right, right_place.at(), right_good, self.end_stop) | stopped {
+            self.limits |= limits::END_STOP;
         }
+        left_place.told(*left);
+        right_place.told(*right);
     }
 
     /// End of a tick: whether it is time for [`NodeLink::status`].
@@ -275,6 +265,31 @@ pub struct View {
     pub steps: u32,
     /// Cycle number.
     pub cycle: u32,
+}
+
+/// Takes in what a sensor says, if it can be; whether it can.
+#[inline(always)]
+fn sense(place: &mut Place, good: &mut Q16, sensed: Q16, most: Q16) -> bool {
+    let most = most.0 as u32;
+    // −most ≤ position ≤ most, both in one comparison.
+    let plausible = (sensed.0 as u32).wrapping_add(most) <= 2 * most;
+    if plausible {
+        *good = sensed;
+        place.sense(sensed);
+    }
+    plausible
+}
+
+/// Brakes what would pass the end of its range; whether it would.
+#[inline(always)]
+fn stop_at_end(drive: &mut Drive, reckoned: Q16, sensed: Q16, end: Q16) -> bool {
+    let Drive::Velocity(speed) = *drive else { return false };
+    // A late sensor has not seen it there yet, a joint that stalled before may be there unreckoned: either is enough.
+    let stops = if speed > Q16::ZERO { reckoned.max(sensed) >= end } else { reckoned.min(sensed) <= -end };
+    if stops {
+        *drive = Drive::Brake;
+    }
+    stops
 }
 
 fn decinewtons(force: Q16) -> u16 {

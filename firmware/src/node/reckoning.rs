@@ -34,14 +34,20 @@ impl Place {
         self.at
     }
 
-    /// Start of a tick, `dt_us` after the last; a move takes `gather_us` to gather speed, on average.
-    #[inline]
-    pub fn advance(&mut self, dt_us: u32, gather_us: u32, sensed: Q16) {
+    /// What its sensor says at the start of a tick. One that says nothing is not heard: the joint stays where it is reckoned.
+    #[inline(always)]
+    pub fn sense(&mut self, sensed: Q16) {
+        if self.speed == Q16::ZERO && self.since_us >= BELIEVED_AFTER_US {
+            self.at = sensed;
+        }
+    }
+
+    /// `dt_us` have passed since the last tick; a move takes `gather_us` to gather speed, on average.
+    #[inline(always)]
+    pub fn advance(&mut self, dt_us: u32, gather_us: u32) {
         if self.speed != Q16::ZERO {
             self.travel(dt_us, gather_us);
-        } else if self.since_us >= BELIEVED_AFTER_US {
-            self.at = sensed;
-        } else {
+        } else if self.since_us < BELIEVED_AFTER_US {
             self.since_us = self.since_us.saturating_add(dt_us);
         }
     }
@@ -99,7 +105,8 @@ mod tests {
     /// Ticks for `us` while told `drive`, with a sensor that says `sensed`.
     fn pass(place: &mut Place, dt_us: u32, us: u32, drive: Drive, sensed: Q16) {
         for _ in 0..us / dt_us {
-            place.advance(dt_us, 5_000, sensed);
+            place.sense(sensed);
+            place.advance(dt_us, 5_000);
             place.told(drive);
         }
     }
@@ -145,7 +152,8 @@ mod tests {
         fn nothing_overflows(told: Vec<(i32, u32, i32)>) {
             let mut place = Place::resting();
             for (speed, dt_us, sensed) in told {
-                place.advance(dt_us, 5_000, Q16(sensed));
+                place.sense(Q16(sensed));
+                place.advance(dt_us, 5_000);
                 place.told(Drive::Velocity(Q16(speed)));
             }
         }

@@ -68,7 +68,8 @@ pub fn write(layout: &Layout, plan: &Plan) -> Result<String, StudyError> {
     write_atomic(&layout.report(), text.as_bytes())?;
     println!("{}\n\n{}", plan.title(), pages.headline);
     println!("report: {}", layout.report().display());
-    Ok(format!("{}\n*{}: {}.*", pages.brief, plan.title(), origin(&sittings)))
+    let revisions: Vec<String> = sittings.revisions().iter().map(|revision| short(revision)).collect();
+    Ok(format!("{}\n*{}: {}, revision {}.*", pages.brief, plan.title(), origin(&sittings), revisions.join(", then ")))
 }
 
 fn markdown(layout: &Layout, plan: &Plan, pages: &Pages, sittings: &Sittings) -> String {
@@ -96,6 +97,12 @@ fn markdown(layout: &Layout, plan: &Plan, pages: &Pages, sittings: &Sittings) ->
         origin(sittings),
     );
     text
+}
+
+/// A revision as people write it, with what is said after it.
+fn short(revision: &str) -> String {
+    let hash = revision.chars().take_while(char::is_ascii_hexdigit).count();
+    revision.chars().take(hash.min(7)).chain(revision.chars().skip(hash)).collect()
 }
 
 /// How long it took, on what.
@@ -154,6 +161,14 @@ mod tests {
         }
         let rows = [Row { arm: "a", survival: Some(1.0 / 3.0) }, Row { arm: "b", survival: None }];
         assert_eq!(csv(&rows), "arm,survival\na,0.3333333333333333\nb,\n");
+    }
+
+    #[test]
+    fn a_revision_is_cut_to_seven_digits_and_keeps_its_remark() {
+        let hash = "dec46cd5a958f5fc2283a72f8895585e0766659f";
+        assert_eq!(short(hash), "dec46cd");
+        assert_eq!(short(&format!("{hash} with uncommitted changes")), "dec46cd with uncommitted changes");
+        assert_eq!(short("unknown"), "unknown");
     }
 
     #[test]
