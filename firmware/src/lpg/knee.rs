@@ -67,7 +67,7 @@ pub struct KneeInputs<'a> {
     pub sensed: [Q16; 2],
     /// Newest IMU products.
     pub fall: &'a Fall,
-    /// Whether a new cycle may start.
+    /// Whether a new cycle may start: the robot is armed and the IMU is heard.
     pub may_start: bool,
 }
 
@@ -289,7 +289,8 @@ impl Knee {
         let speed = if grounded { KNEE.touchdown_speed.min(params.extend) } else { params.extend };
         let late = self.passed(KNEE.stroke_us, inputs.dt_us);
         self.flags(grounded, true, out);
-        let reaches = self.reaches(grounded, inputs.fall);
+        // What a silent IMU said last is no reason to reach.
+        let reaches = inputs.may_start && self.reaches(grounded, inputs.fall);
         let waits = !self.unloaded | (self.waited_us < self.late_us);
         if reaches && position >= Q16::ZERO && waits && self.waited_us < KNEE.wait_us {
             // The foot may be down already, and the pads as late to tell as they were at lift-off.

@@ -106,3 +106,14 @@ fn a_foot_that_lands_meanwhile_ends_the_reach() {
     assert_eq!(names(&events), [GaitEvent::Touchdown, GaitEvent::CycleEnd]);
     assert!(rig.position[0].abs() < 0.002, "{}", rig.position[0]);
 }
+
+#[test]
+fn a_leg_does_not_reach_for_the_ground_once_the_imu_is_silent() {
+    let mut rig = pulled_up(1_000);
+    pass(&mut rig, 20_000);
+    rig.load[0] = AIR;
+    rig.may_start = false;
+    let events = rig.run(|r| r.knee.phase() == Phase::Idle);
+    assert_eq!(names(&events), [GaitEvent::LiftOff, GaitEvent::CycleEnd]);
+    assert!(rig.position[0].abs() < 0.01, "{}", rig.position[0]);
+}

@@ -20,6 +20,18 @@ impl Table {
         self.rows.push(cells.to_vec());
     }
 
+    /// Without the columns that say nothing: those named in `same` whose rows are all alike, and those that are all empty.
+    pub(crate) fn terse(&self, same: &[&str]) -> Self {
+        let says = |column: &usize| {
+            let cells = || self.rows.iter().filter_map(|row| row.get(*column));
+            let alike = cells().all(|cell| Some(cell) == cells().next());
+            !(alike && same.contains(&self.head[*column].as_str()) || cells().all(|cell| cell == NONE))
+        };
+        let columns: Vec<usize> = (0..self.head.len()).filter(says).collect();
+        let of = |cells: &Vec<String>| columns.iter().filter_map(|column| cells.get(*column).cloned()).collect();
+        Self { head: of(&self.head), rows: self.rows.iter().map(of).collect() }
+    }
+
     pub(crate) fn markdown(&self) -> String {
         let line = |cells: &[String]| {
             let cells: Vec<_> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
@@ -122,5 +134,16 @@ mod tests {
         let widths: Vec<_> = text.lines().skip(2).map(|line| line.chars().count()).collect();
         assert!(widths.iter().all(|&width| width == widths[0]), "{text}");
         assert!(text.contains("0/0") && text.contains('–') && !text.contains("NaN"));
+    }
+
+    #[test]
+    fn a_terse_table_has_no_column_that_says_nothing() {
+        let mut table = Table::new(["session", "arm", "start", "modulation"]);
+        for arm in ["a", "b"] {
+            table.row(["knee".into(), arm.into(), "0.2".into(), number(None, 3)]);
+        }
+        assert_eq!(table.terse(&["session"]).head, ["arm", "start"]);
+        table.row(["hip".into(), "c".into(), "0.2".into(), number(Some(0.1), 3)]);
+        assert_eq!(table.terse(&["session"]), table);
     }
 }

@@ -37,7 +37,7 @@ pub fn pages(plan: &EvaluationPlan, data: &[CellData]) -> Pages {
     Pages {
         body,
         headline: table.text(),
-        brief: brief(plan, &rows).as_ref().unwrap_or(&table).markdown(),
+        brief: brief(plan, &rows).unwrap_or_else(|| table.terse(&["condition"])).markdown(),
         tables: vec![("cells", csv(&rows)), ("directions", csv(&directions)), ("differences", csv(&differences))],
         figures: figures(plan, data),
     }

@@ -42,7 +42,7 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
     Pages {
         body,
         headline: table.text(),
-        brief: table.markdown(),
+        brief: table.terse(&["session"]).markdown(),
         tables: vec![("arms", csv(&summaries)), ("seeds", csv(&seeds))],
         figures,
     }
