@@ -41,7 +41,7 @@ fn arms_again(bench: &mut Bench) {
 #[test]
 fn a_silent_host_leaves_the_robot_balancing_then_on_its_stored_set() {
     // Pushed while the set is stale, and as the stored one is due.
-    let pushes = [push(8.0, 18.0, 0.0), push(12.8, 18.0, 90.0)];
+    let pushes = [push(8.0, 22.0, 0.0), push(12.8, 22.0, 90.0)];
     let mut bench = Bench::armed(&SilConfig::default(), &episode(9, &pushes));
     let set = near_default(0.01);
     let generation = bench.session.apply(&set).expect("nothing under way");
