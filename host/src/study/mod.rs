@@ -89,7 +89,7 @@ pub enum StudyError {
     #[error(transparent)]
     Figure(#[from] FigureError),
     /// A document without a place for a study.
-    #[error("{} has no place for it: add the lines `{begin}` and `{end}` where its table shall be", .document.display())]
+    #[error("{} has no place for the study: add the lines `{begin}` and `{end}` where its table shall be", .document.display())]
     NoPlace {
         /// Which.
         document: PathBuf,

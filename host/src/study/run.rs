@@ -172,7 +172,7 @@ impl Worker<'_> {
             let trained = training.trained()?;
             let controller = trained.controller(base, *session);
             let held = match &trained.policy {
-                Some(modulation) => self.judge(plan, arm, &Controller::Constants(modulation.mean), name)?,
+                Some(policy) => self.judge(plan, arm, &Controller::Constants(training.habit(policy)?), name)?,
                 None => vec![],
             };
             let metrics = read_metrics(&place.join("metrics.csv"))?;

@@ -47,25 +47,16 @@ pub struct Trained {
     /// The set to hardcode.
     pub constants: ParamSet,
     /// The agent, where there is one whose action depends on the state.
-    pub policy: Option<Modulation>,
+    pub policy: Option<Policy>,
     /// Episodes that the simulation spoilt.
     pub broken: u32,
-}
-
-/// An agent whose action depends on the state.
-#[derive(Clone, Debug)]
-pub struct Modulation {
-    /// The agent.
-    pub policy: Policy,
-    /// The mean of what it does in the session's validation episodes: what its dependence on the state has to beat.
-    pub mean: ParamSet,
 }
 
 impl Trained {
     /// What balances after the session: the agent, if its action depends on the state, else the constants.
     pub fn controller(&self, base: ParamSet, scope: Scope) -> Controller {
         match &self.policy {
-            Some(Modulation { policy, .. }) => Controller::Policy { policy: Box::new(policy.clone()), base, scope },
+            Some(policy) => Controller::Policy { policy: Box::new(policy.clone()), base, scope },
             None => Controller::Constants(self.constants),
         }
     }
@@ -240,17 +231,12 @@ impl Session {
             Learner::Search { search, .. } => (search.recommend()?, None),
         };
         let constants = action::decode(&self.base, self.scope, &constants);
-        let policy = match policy {
-            Some(mut policy) => Some(Modulation { mean: self.habit(&mut policy)?, policy }),
-            None => None,
-        };
         Ok(Trained { constants, policy, broken: self.journal.broken() })
     }
-}
 
-impl Session {
-    /// The mean of all decisions that `policy` makes in the validation episodes.
-    fn habit(&mut self, policy: &mut Policy) -> Result<ParamSet, TrainError> {
+    /// The set that `policy` chooses on average in the validation episodes: what its dependence on the state has to beat.
+    pub fn habit(&mut self, policy: &Policy) -> Result<ParamSet, TrainError> {
+        let mut policy = policy.clone();
         let mut sum = vec![0.0; self.scope.range().len()];
         let mut decisions = 0.0;
         for index in 0..u64::from(self.validation_episodes) {
