@@ -33,6 +33,13 @@ pub enum Controller {
     Braked,
     /// The pattern generators with a constant set.
     Constants(ParamSet),
+    /// The pattern generators with two constant sets, chosen once a second: the least that can depend on the state.
+    TwoSets {
+        /// After a second without a cycle.
+        resting: ParamSet,
+        /// After a second with one.
+        stepping: ParamSet,
+    },
     /// The pattern generators, with an agent that moves some of their parameters once a second.
     Policy {
         /// The agent.
@@ -42,6 +49,32 @@ pub enum Controller {
         /// What it moves.
         scope: Scope,
     },
+}
+
+impl Controller {
+    /// The set that it begins with; none if nothing may move.
+    fn first(&self) -> Option<ParamSet> {
+        match self {
+            Controller::Braked => None,
+            Controller::Constants(set) | Controller::TwoSets { resting: set, .. } => Some(*set),
+            Controller::Policy { base, .. } => Some(*base),
+        }
+    }
+
+    /// The set for the next second, from the telemetry of the last; none where there is nothing to choose.
+    fn choose(&mut self, second: &[Telemetry]) -> Result<Option<ParamSet>, EnafError> {
+        Ok(match self {
+            Controller::Braked | Controller::Constants(_) => None,
+            Controller::TwoSets { resting, stepping } => {
+                let stepped = second.iter().any(|frame| frame.phases[0] != 0);
+                Some(if stepped { *stepping } else { *resting })
+            }
+            Controller::Policy { policy, base, scope } => {
+                let chosen = policy.act(&observe(second))?;
+                Some(action::decode(base, *scope, &chosen))
+            }
+        })
+    }
 }
 
 /// Why an episode could not be evaluated.
@@ -118,22 +151,15 @@ pub fn run_episode(
     mut watch: Watch<'_>,
 ) -> Result<EpisodeResult, EvaluateError> {
     let mut robot = SimRobot::start(config, episode)?;
-    let mut health = match controller {
-        Controller::Braked => wait_until(&mut robot, episode.settle_s)?,
-        Controller::Constants(set) => {
-            robot.set_params(*set);
-            robot.ready_at(episode.settle_s)?
-        }
-        Controller::Policy { base, .. } => {
-            robot.set_params(*base);
+    let mut health = match controller.first() {
+        None => wait_until(&mut robot, episode.settle_s)?,
+        Some(set) => {
+            robot.set_params(set);
             robot.ready_at(episode.settle_s)?
         }
     };
-    let mut policy = match controller {
-        Controller::Policy { policy, base, scope } => Some((policy.clone(), *base, *scope)),
-        _ => None,
-    };
-    if let Some((policy, ..)) = &mut policy {
+    let mut controller = controller.clone();
+    if let Controller::Policy { policy, .. } = &mut controller {
         policy.reset();
     }
     let mut judge = Judge::new(robot.now_s());
@@ -146,11 +172,10 @@ pub fn run_episode(
     let slices_per_decision = (DECISION_S * 1e6) as u64 / SLICE_US;
     let mut slices = 0;
     while health == Health::Upright && robot.now_s() < episode.duration_s - 1e-3 {
-        if slices % slices_per_decision == 0
-            && let Some((policy, base, scope)) = &mut policy
-        {
-            let chosen = policy.act(&observe(&second))?;
-            robot.set_params(action::decode(base, *scope, &chosen));
+        if slices % slices_per_decision == 0 {
+            if let Some(set) = controller.choose(&second)? {
+                robot.set_params(set);
+            }
             second.clear();
         }
         let Slice { telemetry, health: now, pushed } = robot.advance()?;
@@ -337,6 +362,18 @@ mod tests {
             (0..3).map(|index| run_episode(&controller, &config, &scenario.episode(5, index), Watch::Nothing));
         assert_eq!(many.unwrap(), one_by_one.collect::<Result<Vec<_>, _>>().unwrap());
         assert_eq!(done.into_inner(), 3);
+    }
+
+    #[test]
+    fn the_second_of_two_sets_acts_once_the_robot_has_stepped() {
+        let default = default_params();
+        let episode = Scenario::load("train").unwrap().episode(7, 5);
+        let run =
+            |controller: &Controller| run_episode(controller, &SilConfig::default(), &episode, Watch::Nothing).unwrap();
+        let constant = run(&Controller::Constants(default));
+        assert!(constant.steps > 0);
+        assert_eq!(run(&Controller::TwoSets { resting: default, stepping: default }), constant);
+        assert_ne!(run(&Controller::TwoSets { resting: default, stepping: ParamSet::table_ii() }), constant);
     }
 
     #[test]

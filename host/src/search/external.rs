@@ -10,18 +10,25 @@
 //! It must propose the same points for the same seed and rewards: a run that was cut off tells it all rewards again.
 
 use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
 
 use serde::Serialize;
 
 use super::{Search, SearchError};
+
+/// A program that has not answered by then never will.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(120);
 
 /// A search in another process, which ends with it.
 pub struct ExternalSearch {
     name: String,
     process: Child,
     to: Option<ChildStdin>,
-    from: BufReader<ChildStdout>,
+    /// Its lines, from a thread that ends with its output.
+    from: Receiver<std::io::Result<String>>,
+    answers_within: Duration,
     dimensions: usize,
     next: Vec<f32>,
 }
@@ -52,6 +59,17 @@ impl ExternalSearch {
         seed: u64,
         rewards: &[f32],
     ) -> Result<ExternalSearch, SearchError> {
+        ExternalSearch::patient(command, start, episodes, seed, rewards, ANSWERS_WITHIN)
+    }
+
+    fn patient(
+        command: &[String],
+        start: &[f32],
+        episodes: usize,
+        seed: u64,
+        rewards: &[f32],
+        answers_within: Duration,
+    ) -> Result<ExternalSearch, SearchError> {
         let [program, arguments @ ..] = command else { return Err(SearchError::NoCommand) };
         let name = command.join(" ");
         let failed = |source| SearchError::Start { command: name.clone(), source };
@@ -62,9 +80,18 @@ impl ExternalSearch {
             .spawn()
             .map_err(failed)?;
         let (to, from) = (process.stdin.take(), process.stdout.take());
-        let from = BufReader::new(from.ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?);
+        let lines = BufReader::new(from.ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?).lines();
+        let (says, from) = channel();
+        std::thread::spawn(move || {
+            for line in lines {
+                if says.send(line).is_err() {
+                    break;
+                }
+            }
+        });
+        let dimensions = start.len();
         let mut search =
-            ExternalSearch { name: name.clone(), process, to, from, dimensions: start.len(), next: vec![] };
+            ExternalSearch { name: name.clone(), process, to, from, answers_within, dimensions, next: vec![] };
         search.next = search.question(&Begin { start, episodes, seed })?;
         for reward in rewards {
             search.tell(*reward)?;
@@ -78,10 +105,13 @@ impl ExternalSearch {
         line.push('\n');
         let to = self.to.as_mut().ok_or_else(|| lost(std::io::ErrorKind::BrokenPipe.into()))?;
         to.write_all(line.as_bytes()).and_then(|()| to.flush()).map_err(lost)?;
-        let mut answer = String::new();
-        if self.from.read_line(&mut answer).map_err(lost)? == 0 {
-            return Err(lost(std::io::ErrorKind::UnexpectedEof.into()));
-        }
+        let answer = match self.from.recv_timeout(self.answers_within) {
+            Ok(line) => line.map_err(lost)?,
+            Err(RecvTimeoutError::Disconnected) => return Err(lost(std::io::ErrorKind::UnexpectedEof.into())),
+            Err(RecvTimeoutError::Timeout) => {
+                return Err(SearchError::Silent { command: self.name.clone(), seconds: self.answers_within.as_secs() });
+            }
+        };
         let point: Option<Vec<f32>> = serde_json::from_str(&answer).ok();
         point
             .filter(|point| point.len() == self.dimensions && point.iter().all(|u| (-1.0..=1.0).contains(u)))
@@ -116,7 +146,7 @@ impl Drop for ExternalSearch {
             if matches!(self.process.try_wait(), Ok(Some(_)) | Err(_)) {
                 return;
             }
-            std::thread::sleep(std::time::Duration::from_millis(10));
+            std::thread::sleep(Duration::from_millis(10));
         }
         let _ = self.process.kill();
         let _ = self.process.wait();
@@ -144,11 +174,15 @@ mod tests {
     }
 
     #[test]
-    fn programs_that_are_missing_end_early_or_talk_nonsense_are_named() {
+    fn programs_that_are_missing_silent_end_early_or_talk_nonsense_are_named() {
         let error = |command: &[String]| ExternalSearch::new(command, &[0.0], 60, 1, &[]).err().unwrap().to_string();
         assert!(error(&[]).contains("external"));
         assert!(error(&["/no/such/program".into()]).contains("/no/such/program"));
         assert!(error(&shell(&[])).contains("sh -c"));
+        let patience = Duration::from_secs(1);
+        let silent = ["sleep", "1000"].map(String::from);
+        let error_of_silent = ExternalSearch::patient(&silent, &[0.0], 60, 1, &[], patience).err().unwrap().to_string();
+        assert!(error_of_silent.contains("sleep 1000") && error_of_silent.contains("1 s"), "{error_of_silent}");
         for nonsense in ["hello", "[0.1, 0.2]", "[2.0]"] {
             assert!(error(&shell(&[nonsense])).contains(nonsense), "{nonsense}");
         }

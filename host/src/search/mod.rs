@@ -47,6 +47,14 @@ pub enum SearchError {
         /// How.
         source: std::io::Error,
     },
+    /// It does not answer.
+    #[error("the search `{command}` has not answered for {seconds} s; run it by hand to see where it hangs")]
+    Silent {
+        /// Which.
+        command: String,
+        /// For how long.
+        seconds: u64,
+    },
     /// It says something else.
     #[error("the search `{command}` answered {answer:?}, not a list of {dimensions} numbers in [-1, 1]")]
     Answer {

@@ -8,6 +8,7 @@
 //! name = "default"
 //! controller = "default"                    # default, braked, table-ii; or params = "runs/train-1"
 //! shift.P1 = 0.1                            # a tenth of the way between the parameter's limits, upwards
+//! shift_stepping.H2 = -0.1                  # this one only in a second after one with a step
 //!
 //! [common]                                  # holds for every condition that says nothing else
 //! impulses_n_s = [18, 24]
@@ -103,6 +104,9 @@ pub struct ControllerArm {
     /// What is added to parameters of the set, by symbol, as a share of the width of their limits, at which it ends.
     #[serde(default)]
     pub shift: BTreeMap<String, f32>,
+    /// What is added beyond that for the seconds that follow one with a step.
+    #[serde(default)]
+    pub shift_stepping: BTreeMap<String, f32>,
 }
 
 /// Controllers that need no file.

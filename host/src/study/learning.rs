@@ -184,9 +184,23 @@ fn arm_row(
     }
 }
 
+/// The seed of an arm that is judged in the middle after its last session, and the set that it hands on: what to expect,
+/// not what luck once gave. `None` while no seed is finished.
+pub fn median_seed<'a>(arm: &'a ArmData) -> Option<(u64, &'a [f32])> {
+    let form = arm.arm.config.reward;
+    let ranked = arm.chains.iter().filter_map(|(seed, sessions)| sessions.last().map(|last| (*seed, last)));
+    let mut ranked: Vec<(f64, u64, &[f32])> = ranked
+        .filter_map(|(seed, last)| Some((mean(&rewards(&last.judged, form))?, seed, last.set.as_slice())))
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    ranked.get(ranked.len().saturating_sub(1) / 2).map(|(_, seed, set)| (*seed, *set))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::plan::Learner;
+    use crate::train::TrainConfig;
 
     #[test]
     fn stability_is_the_first_window_from_which_all_stay_high() {
@@ -202,9 +216,8 @@ mod tests {
         assert_eq!(episodes_to_stability(&[1.0; 9], 1.0), None);
     }
 
-    #[test]
-    fn differences_pair_push_by_push_and_leave_holes_where_the_simulation_failed() {
-        let result = |reward_gated, outcome| EpisodeResult {
+    fn result(reward_gated: f32, outcome: Outcome) -> EpisodeResult {
+        EpisodeResult {
             direction_deg: None,
             impulse_n_s: 18.0,
             seed: 1,
@@ -216,7 +229,34 @@ mod tests {
             energy_j: crate::metrics::EnergyJ::default(),
             reward_paper: 0.0,
             reward_gated,
+        }
+    }
+
+    #[test]
+    fn the_median_seed_is_neither_the_best_nor_the_worst() {
+        let learner = Learner { name: "enaf".into(), config: TrainConfig::default() };
+        let judged = |reward: f32| {
+            vec![SessionData {
+                rewards: vec![],
+                noisy: vec![],
+                broken: 0,
+                set: vec![reward],
+                judged: vec![result(reward, Outcome::Survived)],
+                held: vec![],
+            }]
         };
+        let chains = [(1, 0.5), (2, 0.125), (3, 0.25), (4, 0.75)].map(|(seed, reward)| (seed, judged(reward)));
+        let mut arm = ArmData { arm: &learner, start: vec![], chains: chains.to_vec() };
+        // Of an even number the lower of the two in the middle.
+        assert_eq!(median_seed(&arm), Some((3, &[0.25][..])));
+        arm.chains.pop();
+        assert_eq!(median_seed(&arm), Some((3, &[0.25][..])));
+        arm.chains.clear();
+        assert_eq!(median_seed(&arm), None);
+    }
+
+    #[test]
+    fn differences_pair_push_by_push_and_leave_holes_where_the_simulation_failed() {
         let (survived, spoilt) = (Outcome::Survived, Outcome::NonFinite { at_s: 1.0 });
         let after = [result(0.75, survived), result(0.5, survived), result(0.0, spoilt)];
         let before = [result(0.5, survived), result(0.25, spoilt), result(0.5, survived)];

@@ -10,7 +10,8 @@
 //! - [`compare`], [`learning`]: from saved episodes to rows. [`pages_evaluation`], [`pages_training`], [`report`]: from
 //!   rows to what is read. [`document`]: the same into a document.
 //!
-//! The folder of a study is laid out as that of a run ([`crate::run`]), with `tables/` and `sittings.json` added. The
+//! The folder of a study is laid out as that of a run ([`crate::run`]), with `tables/`, `sittings.json` and, of a
+//! training study, `params/` (the set of each arm's median seed) added. The
 //! same file gives the same bytes in `evaluated/`, `tables/` and `figures/`, killed and taken up again or not.
 
 pub mod compare;

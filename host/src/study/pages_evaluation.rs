@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::compare::{CellData, CellRow, DifferenceRow, DirectionRow, Measure, differences};
-use super::plan::EvaluationPlan;
+use super::plan::{Balancer, EvaluationPlan};
 use super::report::{Pages, csv};
 use crate::figures::{PushMap, SpreadRow, push_map, spreads};
 use crate::metrics::{EpisodeResult, Outcome, by_direction};
@@ -37,9 +37,13 @@ pub fn pages(plan: &EvaluationPlan, data: &[CellData]) -> Pages {
     Pages {
         body,
         headline: table.text(),
-        brief: brief(plan, &rows).unwrap_or_else(|| table.terse(&["condition"])).markdown(),
+        brief: rewards(plan, &rows, &differences)
+            .or_else(|| brief(plan, &rows))
+            .unwrap_or_else(|| table.terse(&["condition"]))
+            .markdown(),
         tables: vec![("cells", csv(&rows)), ("directions", csv(&directions)), ("differences", csv(&differences))],
         figures: figures(plan, data),
+        sets: vec![],
     }
 }
 
@@ -80,6 +84,38 @@ fn brief(plan: &EvaluationPlan, rows: &[CellRow]) -> Option<Table> {
     };
     let rows = labels.iter().map(line).collect();
     Some(Table { head: [head.to_owned()].into_iter().chain(columns.iter().cloned()).collect(), rows })
+}
+
+/// Where many arms meet scenarios with pushes of their own: what the first one earns, and what every other earns more.
+fn rewards(plan: &EvaluationPlan, rows: &[CellRow], differences: &[DifferenceRow]) -> Option<Table> {
+    if plan.arms.len() <= FEW_ARMS || rows.iter().any(|row| row.impulse_n_s.is_some()) {
+        return None;
+    }
+    let conditions = plan.conditions.iter().map(|condition| &condition.name);
+    let head = ["reward".to_owned()].into_iter().chain(conditions.clone().cloned()).collect();
+    let line = |(index, arm): (usize, &Balancer)| {
+        let cell = |condition: &String| match index {
+            0 => {
+                let found = rows.iter().find(|row| row.arm == arm.name && row.condition == *condition);
+                number(found.and_then(|row| row.reward_gated), 3)
+            }
+            _ => {
+                let found = differences
+                    .iter()
+                    .find(|row| row.arm == arm.name && row.condition == *condition && row.measure == Measure::Reward);
+                found.map_or_else(|| number(None, 0), |row| difference(row, 1.0, 3))
+            }
+        };
+        [arm.name.clone()].into_iter().chain(conditions.clone().map(cell)).collect()
+    };
+    Some(Table { head, rows: plan.arms.iter().enumerate().map(line).collect() })
+}
+
+/// A difference with its interval, bold where zero is outside.
+fn difference(row: &DifferenceRow, scale: f64, decimals: usize) -> String {
+    let [difference, low, high] = [row.difference, row.low, row.high].map(|value| value * scale);
+    let text = format!("{difference:+.decimals$} ({low:+.decimals$} … {high:+.decimals$})");
+    if row.low > 0.0 || row.high < 0.0 { format!("**{text}**") } else { text }
 }
 
 fn cells_table(rows: &[CellRow]) -> Table {
@@ -134,11 +170,7 @@ fn differences_table(rows: &[DifferenceRow]) -> Table {
         seen.push(key(row));
         let cell = |measure: Measure, scale: f64, decimals: usize| {
             let found = rows.iter().find(|other| key(other) == key(row) && other.measure == measure);
-            found.map_or(number(None, 0), |found| {
-                let [difference, low, high] = [found.difference, found.low, found.high].map(|value| value * scale);
-                let text = format!("{difference:+.decimals$} ({low:+.decimals$} … {high:+.decimals$})");
-                if found.low > 0.0 || found.high < 0.0 { format!("**{text}**") } else { text }
-            })
+            found.map_or(number(None, 0), |found| difference(found, scale, decimals))
         };
         table.row([
             row.condition.clone(),

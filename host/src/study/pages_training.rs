@@ -1,20 +1,25 @@
 //! A training study as tables and figures.
 
 use std::fmt::Write;
+use std::path::Path;
 
-use super::learning::{ArmRow, SHARE, WINDOW, rows};
+use sarah_protocol::params::ParamSet;
+
+use super::StudyError;
+use super::learning::{ArmRow, SHARE, WINDOW, median_seed, rows};
 use super::plan::TrainingPlan;
 use super::report::{Pages, csv};
 use super::unit::{ArmData, SessionData};
 use crate::figures::{Curve, IntervalRow, RewardSeries, intervals, rewards};
 use crate::report::{NamedFigure, Table, number};
+use crate::run::{Origin, RunError, param_set_text};
 use crate::stats::Interval;
 
 /// Curves in one figure, with the first arm in each: more cannot be told apart.
 const CURVES: usize = 4;
 
-/// Tables and figures of the arms and seeds that are saved.
-pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
+/// Tables and figures of the arms and seeds that are saved, and the set of each arm's median seed.
+pub fn pages(plan: &TrainingPlan, arms: &[ArmData], revision: &str) -> Result<Pages, StudyError> {
     let (seeds, summaries) = rows(plan, arms);
     let table = table(plan, &summaries);
     let reference = &plan.arms[0].name;
@@ -39,13 +44,32 @@ pub fn pages(plan: &TrainingPlan, arms: &[ArmData]) -> Pages {
         figures.extend(curves(arms, index, session.name()));
         figures.extend(judged(&summaries, session.name()));
     }
-    Pages {
+    body.push_str("\n`params/` has the set that each arm's median seed ends with, judged after the last session.\n");
+    let sets = arms.iter().filter_map(|arm| median_set(plan, arm, revision).transpose());
+    Ok(Pages {
         body,
         headline: table.text(),
         brief: table.terse(&["session"]).markdown(),
         tables: vec![("arms", csv(&summaries)), ("seeds", csv(&seeds))],
         figures,
-    }
+        sets: sets.collect::<Result<_, _>>()?,
+    })
+}
+
+/// The arm's name and its parameter file; `None` while no seed is finished.
+fn median_set(plan: &TrainingPlan, arm: &ArmData, revision: &str) -> Result<Option<(String, String)>, StudyError> {
+    let Some((seed, values)) = median_seed(arm) else { return Ok(None) };
+    let name = &arm.arm.name;
+    let damaged = |why: String| RunError::damaged(Path::new(&format!("evaluated/{name}.seed-{seed}")), why);
+    let raw = values.try_into().map_err(|_| damaged("a set has 13 numbers".into()))?;
+    let set = ParamSet::new(raw).map_err(|why| damaged(why.to_string()))?;
+    let origin = Origin {
+        run: Some(plan.title.clone()),
+        seed: Some(seed),
+        revision: Some(revision.to_owned()),
+        agent: Some(name.clone()),
+    };
+    Ok(Some((name.clone(), param_set_text(&set, Some(&origin)))))
 }
 
 fn table(plan: &TrainingPlan, rows: &[ArmRow]) -> Table {

@@ -10,7 +10,7 @@
 //! | judging by a study: pushes, sensor errors | from 2⁶¹ |
 //! | draws of a study: the robot of each episode | from 2⁶² |
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sarah_firmware::default_params;
 use sarah_protocol::params::{ParamSet, SPECS};
@@ -67,6 +67,9 @@ pub struct Balancer {
     /// The constant set; without one the brakes stay on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set: Option<Vec<f32>>,
+    /// Another for the seconds that follow one with a step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stepping: Option<Vec<f32>>,
 }
 
 /// Scenario and robot.
@@ -159,10 +162,16 @@ impl Plan {
 impl Balancer {
     /// The controller itself.
     pub fn controller(&self) -> Result<Controller, StudyError> {
-        let Some(values) = &self.set else { return Ok(Controller::Braked) };
         let wrong = |why: String| StudyError::Part { part: format!("arm {}", self.name), why };
-        let raw = values.as_slice().try_into().map_err(|_| wrong("has not 13 parameters".into()))?;
-        Ok(Controller::Constants(ParamSet::new(raw).map_err(|why| wrong(why.to_string()))?))
+        let set = |values: &Vec<f32>| {
+            let raw = values.as_slice().try_into().map_err(|_| wrong("has not 13 parameters".into()))?;
+            ParamSet::new(raw).map_err(|why| wrong(why.to_string()))
+        };
+        Ok(match (&self.set, &self.stepping) {
+            (None, _) => Controller::Braked,
+            (Some(values), None) => Controller::Constants(set(values)?),
+            (Some(resting), Some(stepping)) => Controller::TwoSets { resting: set(resting)?, stepping: set(stepping)? },
+        })
     }
 }
 
@@ -199,22 +208,25 @@ fn balancer(arm: &ControllerArm) -> Result<Balancer, StudyError> {
             return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
         }
     };
-    let set = match set {
-        Some(set) => Some(shifted(set, arm)?),
-        None if arm.shift.is_empty() => None,
-        None => {
-            let why = "has no parameters to shift: remove shift".into();
-            return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
+    let Some(set) = set else {
+        if arm.shift.is_empty() && arm.shift_stepping.is_empty() {
+            return Ok(Balancer { name: arm.name.clone(), set: None, stepping: None });
         }
+        let why = "has no parameters to shift: remove shift and shift_stepping".into();
+        return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
     };
-    Ok(Balancer { name: arm.name.clone(), set })
+    let resting = shifted(set.values().to_vec(), &arm.name, "shift", &arm.shift)?;
+    let stepping = match arm.shift_stepping.is_empty() {
+        true => None,
+        false => Some(shifted(resting.clone(), &arm.name, "shift_stepping", &arm.shift_stepping)?),
+    };
+    Ok(Balancer { name: arm.name.clone(), set: Some(resting), stepping })
 }
 
-/// The values of a set with the arm's shifts.
-fn shifted(set: ParamSet, arm: &ControllerArm) -> Result<Vec<f32>, StudyError> {
-    let mut values = set.values().to_vec();
-    for (symbol, share) in &arm.shift {
-        let wrong = |why: String| StudyError::Part { part: format!("arm {}, shift.{symbol}", arm.name), why };
+/// `values` with shifts; errors name the arm and the key.
+fn shifted(mut values: Vec<f32>, arm: &str, key: &str, shifts: &BTreeMap<String, f32>) -> Result<Vec<f32>, StudyError> {
+    for (symbol, share) in shifts {
+        let wrong = |why: String| StudyError::Part { part: format!("arm {arm}, {key}.{symbol}"), why };
         let found = SPECS.iter().zip(&mut values).find(|(spec, _)| spec.symbol == symbol);
         let Some((spec, value)) = found else { return Err(wrong("no parameter is called that; P1 to V5 are".into())) };
         if !(-1.0..=1.0).contains(share) {

@@ -25,6 +25,8 @@ pub struct Pages {
     pub tables: Vec<(&'static str, String)>,
     /// Figures, each with its name.
     pub figures: Vec<NamedFigure>,
+    /// Parameter files by name.
+    pub sets: Vec<(String, String)>,
 }
 
 /// Rows as CSV, with every digit; holes are empty.
@@ -48,12 +50,18 @@ pub fn read_plan(layout: &Layout) -> Result<Plan, StudyError> {
 
 /// Writes tables, figures and report of a study folder, prints its main table, and returns what a document shows of it.
 pub fn write(layout: &Layout, plan: &Plan) -> Result<String, StudyError> {
+    let sittings = Sittings::read(layout)?;
     let pages = match plan {
         Plan::Evaluation(of) => pages_evaluation::pages(of, &compare::load_cells(plan, of, layout)?),
-        Plan::Training(of) => pages_training::pages(of, &load_training(plan, of, layout)?),
+        Plan::Training(of) => {
+            let revision = sittings.revisions().join(", then ");
+            pages_training::pages(of, &load_training(plan, of, layout)?, &revision)?
+        }
     };
-    let tables = layout.root().join("tables");
-    for folder in [&tables, &layout.figures()] {
+    let (tables, sets) = (layout.root().join("tables"), layout.root().join("params"));
+    let figures = layout.figures();
+    let folders = [&tables, &figures].into_iter().chain((!pages.sets.is_empty()).then_some(&sets));
+    for folder in folders {
         std::fs::create_dir_all(folder).map_err(RunError::io("create", folder))?;
     }
     for (name, text) in &pages.tables {
@@ -61,9 +69,11 @@ pub fn write(layout: &Layout, plan: &Plan) -> Result<String, StudyError> {
     }
     write_atomic(&tables.join("tables.md"), pages.body.as_bytes())?;
     for figure in &pages.figures {
-        figure.figure.save(&layout.figures(), &figure.name)?;
+        figure.figure.save(&figures, &figure.name)?;
     }
-    let sittings = Sittings::read(layout)?;
+    for (name, text) in &pages.sets {
+        write_atomic(&sets.join(format!("{name}.toml")), text.as_bytes())?;
+    }
     let text = markdown(layout, plan, &pages, &sittings);
     write_atomic(&layout.report(), text.as_bytes())?;
     println!("{}\n\n{}", plan.title(), pages.headline);

@@ -17,13 +17,16 @@ use crate::metrics::EpisodeResult;
 use crate::progress::Progress;
 use crate::report::columns;
 use crate::run::{Layout, RunError, RunFolder, RunInfo, read_metrics, read_text};
+use crate::search::ExternalSearch;
 use crate::task::robots::Robots;
 use crate::train::session::Session;
+use crate::train::{Method, TrainError};
 
 /// Runs a study in `out`, or what is left of it; what a document shows of it.
 pub fn run(plan: &Plan, out: &Path) -> Result<String, StudyError> {
-    let folder = open(plan, out)?;
     let units = Unit::all(plan);
+    others_answer(plan, &units, &Layout::new(out))?;
+    let folder = open(plan, out)?;
     let progress = Progress::new(units.iter().map(|unit| unit.episodes(plan)).sum());
     let done = |unit: &Unit| unit.done(plan, folder.layout());
     let left: Vec<&Unit> = units.iter().filter(|unit| !done(unit)).collect();
@@ -52,6 +55,21 @@ pub fn run(plan: &Plan, out: &Path) -> Result<String, StudyError> {
         }
     }
     stopped.map_or_else(|| super::report::write(folder.layout(), plan), Err)
+}
+
+/// Somebody else's program that cannot start is found out before the first episode, not an hour later.
+fn others_answer(study: &Plan, units: &[Unit], layout: &Layout) -> Result<(), StudyError> {
+    let Plan::Training(plan) = study else { return Ok(()) };
+    for (index, arm) in plan.arms.iter().enumerate() {
+        let of_arm = |unit: &&Unit| matches!(unit, Unit::Chain { arm, .. } if *arm == index);
+        let waits = units.iter().filter(of_arm).any(|unit| !unit.done(study, layout));
+        if waits && arm.config.methods.contains(&Method::External) {
+            let dimensions = plan.sessions.first().map_or(1, |session| session.range().len());
+            ExternalSearch::new(&arm.config.external, &vec![0.0; dimensions], plan.episodes as usize, 0, &[])
+                .map_err(TrainError::from)?;
+        }
+    }
+    Ok(())
 }
 
 /// Begins a study in a new folder, or takes up the same one; another one is refused.

@@ -114,7 +114,13 @@ fn a_training_study_is_taken_up_after_kills_and_ends_byte_identical() {
     ];
     killed_again_and_again(Path::new(&file), &cut, &moments);
     same(&whole, &cut);
-    for needed in ["tables/arms.csv", "tables/seeds.csv", "figures/learning-all-1.svg", "figures/judged-knee.png"] {
+    for needed in [
+        "tables/arms.csv",
+        "tables/seeds.csv",
+        "figures/learning-all-1.svg",
+        "figures/judged-knee.png",
+        "params/enaf.toml",
+    ] {
         assert!(whole.join(needed).is_file(), "no {needed}");
     }
 }
@@ -131,28 +137,39 @@ fn every_committed_study_is_accepted() {
 #[test]
 fn two_studies_write_their_tables_into_a_document_and_nothing_else_of_it() {
     let place = Place::new();
-    let study = |name: &str, arms: &str| {
+    let study = |name: &str, arms: &str, impulses: &str| {
         place.file(
             name,
             &format!(
                 "kind = \"evaluation\"\ntitle = \"T\"\n{arms}[common]\ndirections = 1\nrepeats = 1\n\
-                 impulses_n_s = [1]\nset_scenario.end_after_push_s = 0.1\n"
+                 {impulses}\nset_scenario.end_after_push_s = 0.1\n"
             ),
         )
     };
-    let one = study("one.toml", "[[arm]]\nname = \"held\"\ncontroller = \"braked\"\n");
+    let one = study("one.toml", "[[arm]]\nname = \"held\"\ncontroller = \"braked\"\n", "impulses_n_s = [1]");
     let arms: String = (1..=4).map(|n| format!("[[arm]]\nname = \"a{n}\"\ncontroller = \"default\"\n")).collect();
-    let many = study("many.toml", &arms);
-    let content = "Before.\n<!-- study one -->\n<!-- end of study -->\nBetween.\n<!-- study many -->\nold\n<!-- end of study -->\n";
+    let many = study("many.toml", &arms, "impulses_n_s = [1]");
+    // A set for the seconds after a step, on pushes that make none, is no other set.
+    let own = study("own.toml", &format!("{arms}shift_stepping.H2 = -0.1\n"), "");
+    let content = "Before.\n<!-- study one -->\n<!-- end of study -->\nBetween.\n<!-- study many -->\nold\n\
+                   <!-- end of study -->\n<!-- study own -->\n<!-- end of study -->\n";
     let document = place.file("results.md", content);
     let out = place.path("out");
     let into = ["--out", text(&out), "--into", &document];
-    let output = run(&[&["study", "run", &one, &many], &into[..]].concat());
+    let output = run(&[&["study", "run", &one, &many, &own], &into[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let written = fs::read_to_string(&document).unwrap();
-    let parts = ["Before.\n", "| 1 | held | 100.0 % (1/1) |", "Between.\n", "| a4 | 1/1 |", "*T: "];
+    let parts = ["Before.\n", "| 1 | held | 100.0 % (1/1) |", "Between.\n", "| a4 | 1/1 |", "| a4 | +0.000", "*T: "];
     assert!(parts.iter().all(|part| written.contains(part)) && !written.contains("old"), "{written}");
-    let again = run(&["study", "report", text(&out.join("one")), text(&out.join("many")), "--into", &document]);
+    let again = run(&[
+        "study",
+        "report",
+        text(&out.join("one")),
+        text(&out.join("many")),
+        text(&out.join("own")),
+        "--into",
+        &document,
+    ]);
     assert!(again.status.success());
     assert_eq!(fs::read_to_string(&document).unwrap(), written);
 
@@ -198,6 +215,10 @@ fn a_study_with_a_mistake_is_one_line_and_leaves_nothing_behind() {
         (format!("{training}[[arm]]\nname = \"a\"\nset.seed = 4"), vec!["arm a", "seed", "remove"]),
         (format!("{training}[[arm]]\nname = \"a\"\nmethod = \"sarsa\""), vec!["sarsa", "cma-es"]),
         (format!("{training}[[arm]]\nname = \"a\"\nmethod = \"external\""), vec!["external", "program"]),
+        (
+            format!("{training}[[arm]]\nname = \"a\"\nmethod = \"external\"\nset.external = [\"/no/such/search\"]"),
+            vec!["/no/such/search", "installed"],
+        ),
         (format!("{training}[[arm]]\nname = \"a\"\nset.draw.robot.slope = [0, 1]"), vec!["arm a", "slope"]),
         (format!("{training}sessions = []\n[[arm]]\nname = \"a\""), vec!["sessions", "knee"]),
     ] {
