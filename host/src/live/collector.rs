@@ -213,7 +213,7 @@ impl Collector {
             () if !look.open => "the robot to let this host write",
             () if self.episode >= self.task.episodes || !look.learned => "the learner",
             () if self.watch.stopped() => "the emergency stop to be cleared (c), then arm (a)",
-            () if self.fallen => "somebody to put the robot back on its feet",
+            () if self.fallen && !self.watch.estimate().upright => "somebody to put the robot back on its feet",
             () if !self.watch.armed() && self.arming.consent(look.now_us) == Consent::None => "arm (a)",
             () if look.held != Some(self.task.base) => "the session's first set to be in force",
             () => "the robot to stand still",

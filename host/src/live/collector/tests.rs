@@ -167,6 +167,19 @@ fn an_episode_is_its_decisions_by_the_clock_and_ends_with_a_time_out() {
 }
 
 #[test]
+fn a_fallen_robot_waits_for_hands_and_one_that_stands_again_for_a_word() {
+    let mut scene = Scene::new();
+    scene.collector.allow(Consent::Once);
+    scene.run(3.0);
+    scene.falls();
+    scene.run(1.0);
+    assert!(scene.collector.waiting_for(&scene.look()).contains("back on its feet"));
+    scene.stands();
+    scene.run(2.0);
+    assert!(scene.collector.waiting_for(&scene.look()).contains("arm (a)"));
+}
+
+#[test]
 fn as_many_episodes_as_the_session_has_and_no_more() {
     let mut scene = Scene::new();
     scene.collector.allow(Consent::Once);
