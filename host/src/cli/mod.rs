@@ -103,9 +103,9 @@ enum Verb {
     Bench(bench::BenchArgs),
     /// Ask many questions at once: a file of arms, seeds and conditions, answered with tables and figures.
     #[command(after_help = "Examples:\n  sarah study run tests/studies/push-map.toml\n  \
-        sarah study run tests/studies/ablation.toml --out runs/ablation   again, to go on after it was cut off\n  \
+        sarah study run tests/studies/sessions.toml --out runs/sessions   again, to go on after it was cut off\n  \
         sarah study run tests/studies/check/small.toml --print-config\n  \
-        sarah study report runs/ablation")]
+        sarah study report runs/sessions")]
     Study {
         #[command(subcommand)]
         verb: study::StudyVerb,

@@ -207,11 +207,11 @@ fn examples_of_study_begin_to_answer_and_report_what_is_there() {
         if example.contains("push-map") {
             let cells = || fs::read_dir(shop.path("runs/study-push-map/evaluated")).map_or(0, Iterator::count);
             shop.until(&example, || cells() > 0 || shop.said().contains(" episodes, about "));
-        } else if example.contains("ablation.toml") {
+        } else if example.contains("sessions.toml") {
             shop.until(&example, || shop.rows() > 1);
             // The report is of a study that was finished, under the name that the example has.
-            fs::remove_dir_all(shop.path("runs/ablation")).expect("removes");
-            shop.whole("sarah study run tests/studies/check/small.toml --out runs/ablation");
+            fs::remove_dir_all(shop.path("runs/sessions")).expect("removes");
+            shop.whole("sarah study run tests/studies/check/small.toml --out runs/sessions");
         } else {
             shop.whole(&example);
         }
