@@ -10,7 +10,8 @@
 //! ```
 //!
 //! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them; once the robot is
-//! calm each of them makes a small recovery cycle, which brings it back to rest and is no step.
+//! calm they recover, one after the other, in cycles that are no steps: a short leg grows back to rest where it stands, which
+//! levels the trunk, then a small cycle brings hip and abductor home, again if the ground cut it short.
 
 use heapless::Vec;
 use sarah_protocol::bus::{GaitEvent, Side};
@@ -109,6 +110,10 @@ pub struct Knee {
     patience_us: u32,
     /// A recovery was made since the last step.
     recovering: bool,
+    /// How many.
+    recoveries: u8,
+    /// In this one the leg grows where it stands.
+    straightens: bool,
     /// Stroke below which the swing foot has left the ground.
     lifted_at: Q16,
     /// Since the swing leg was pulled up, until the pads told of it: as late, or later, they will tell of touchdown.
@@ -142,6 +147,8 @@ impl Knee {
             calm_us: 0,
             patience_us: KNEE.calm_us,
             recovering: false,
+            recoveries: 0,
+            straightens: false,
             lifted_at: Q16::ZERO,
             late_us: 0,
             unloaded: false,
@@ -242,7 +249,10 @@ impl Knee {
             };
         }
         self.recovering = recovers;
-        self.displaced[swing as usize] = !recovers;
+        self.recoveries = if recovers { self.recoveries.saturating_add(1) } else { 0 };
+        // A leg that is short tilts the trunk, which would fall onto it as soon as it is lifted: first it grows under load.
+        self.straightens = recovers && inputs.position[swing as usize] < -KNEE.home;
+        self.displaced[swing as usize] = !recovers || self.straightens && self.recoveries < KNEE.recoveries;
         self.lifted = false;
         self.airborne = false;
         // A recovery tidies up; it is no step.
@@ -250,7 +260,7 @@ impl Knee {
         self.stepped_before = true;
         self.calm_us = 0;
         self.cycle = self.cycle.wrapping_add(1);
-        self.enter(Phase::Kick);
+        self.enter(if self.straightens { Phase::Extend } else { Phase::Kick });
     }
 
     /// A tick within a cycle: what drives the swing leg, whose foot is `grounded`. A state that ends here hands over to
@@ -286,8 +296,16 @@ impl Knee {
             self.enter(Phase::Extend);
         }
         let landed = grounded && self.lifted;
-        let speed = if grounded { KNEE.touchdown_speed.min(params.extend) } else { params.extend };
-        let late = self.passed(KNEE.stroke_us, inputs.dt_us);
+        // The ground came early: hip and abductor have stopped on their way home.
+        if landed && self.recovering && position < -KNEE.home && self.recoveries < KNEE.recoveries {
+            self.displaced[self.swing as usize] = true;
+        }
+        let (speed, limit_us) = match self.straightens {
+            true => (KNEE.straighten, KNEE.straighten_at_most_us),
+            false if grounded => (KNEE.touchdown_speed.min(params.extend), KNEE.stroke_us),
+            false => (params.extend, KNEE.stroke_us),
+        };
+        let late = self.passed(limit_us, inputs.dt_us);
         self.flags(grounded, true, out);
         // What a silent IMU said last is no reason to reach.
         let reaches = inputs.may_start && self.reaches(grounded, inputs.fall);
@@ -333,7 +351,7 @@ impl Knee {
 
     /// Whether the leg may grow longer than at rest to find the ground.
     fn reaches(&self, grounded: bool, fall: &Fall) -> bool {
-        self.lifted && !grounded && fall.falls && self.displaced[self.swing as usize]
+        self.lifted && !grounded && fall.falls && !self.recovering
     }
 
     /// The leg to swing if a cycle starts now, and what for.
@@ -349,12 +367,13 @@ impl Knee {
                 };
                 Some((swing, GaitEvent::CycleStart))
             }
-            [true, true] if self.calm_us >= self.patience_us => {
-                // The shorter leg first: it is the one that tilts the trunk.
+            [true, true] if self.calm_us >= KNEE.straighten_us => {
+                // The shorter leg first: it is the one that tilts the trunk. To grow is gentle and needs no patience.
                 let [left, right] = inputs.position;
                 let shorter = if left < right { Side::Left } else { Side::Right };
-                let due = [shorter, shorter.other()].into_iter().find(|side| self.displaced[*side as usize]);
-                due.map(|side| (side, GaitEvent::Recovery))
+                let due = [shorter, shorter.other()].into_iter().find(|side| self.displaced[*side as usize])?;
+                let short = inputs.position[due as usize] < -KNEE.home;
+                (short || self.calm_us >= self.patience_us).then_some((due, GaitEvent::Recovery))
             }
             [left, right] if left != right && fall.chains && self.phase_us >= KNEE.chain_dwell_us => {
                 let towards = fall.left != left;

@@ -69,6 +69,16 @@ pub struct KneeRules {
     pub stand_at_most_us: u32,
     /// Step height of a recovery cycle.
     pub recovery_step: Q16,
+    /// A leg that is shorter than rest by more than this has not come home: it recovers again …
+    pub home: Q16,
+    /// … up to so many recoveries since the last step.
+    pub recoveries: u8,
+    /// It grows back to rest where it stands, at this speed, m/s, before it is lifted …
+    pub straighten: Q16,
+    /// … once the robot has been calm for so long …
+    pub straighten_us: u32,
+    /// … and is cut off after this.
+    pub straighten_at_most_us: u32,
 }
 
 /// Rules of the linear actuators.
@@ -101,6 +111,11 @@ pub const KNEE: KneeRules = KneeRules {
     stand_us: 150_000,
     stand_at_most_us: 1_500_000,
     recovery_step: Q16::lit(0.0213),
+    home: Q16::lit(0.008),
+    recoveries: 12,
+    straighten: Q16::lit(0.08),
+    straighten_us: 650_000,
+    straighten_at_most_us: 1_000_000,
 };
 
 /// Rules of one swing generator.

@@ -4,7 +4,7 @@ use sarah_firmware::lpg::knee::Phase;
 use sarah_firmware::lpg::rules::KNEE;
 use sarah_protocol::bus::{GaitEvent, Side};
 
-use crate::rig::{AIR, LOADED, PUSHED, QUIET, RATES, Rig, motion};
+use crate::rig::{AIR, LOADED, PUSHED, QUIET, RATES, Rig, motion, names};
 
 /// Cycles that begin from now on, and with which leg, while the robot stands quietly for `seconds`.
 fn begun(rig: &mut Rig, seconds: u32) -> Vec<(GaitEvent, Side)> {
@@ -13,7 +13,7 @@ fn begun(rig: &mut Rig, seconds: u32) -> Vec<(GaitEvent, Side)> {
     for _ in 0..seconds * 1_000_000 / rig.dt_us {
         let leg = rig.knee.swing() as usize;
         rig.load = [LOADED; 2];
-        rig.load[leg] = if rig.position[leg] < -0.01 { AIR } else { LOADED };
+        rig.load[leg] = if rig.position[leg] < -0.0075 { AIR } else { LOADED };
         let events = rig.tick().events;
         let starts = events.iter().filter(|event| matches!(event, GaitEvent::CycleStart | GaitEvent::Recovery));
         begun.extend(starts.map(|event| (*event, rig.knee.swing())));
@@ -80,4 +80,44 @@ fn recovery_waits_until_the_robot_has_been_calm_long_enough() {
         rig.motion = QUIET();
     }
     assert_eq!(begun(&mut rig, 2), [(GaitEvent::Recovery, Side::Left)]);
+}
+
+#[test]
+fn a_short_leg_grows_where_it_stands_before_it_is_lifted() {
+    for dt in RATES {
+        let mut rig = Rig::new(dt);
+        rig.cycle();
+        let leg = rig.knee.swing() as usize;
+        rig.position[leg] = -0.04;
+        let events = rig.run(|r| r.position[leg] > -0.002 || r.knee.phase() == Phase::Retract);
+        assert_eq!(names(&events), [GaitEvent::Recovery], "at {dt} µs");
+        let [(_, began)] = events[..] else { panic!("{events:?}") };
+        assert!((began - f64::from(KNEE.straighten_us) * 1e-6).abs() < 0.05, "calm for {began} s at {dt} µs");
+        // On its way it has carried the robot and moved as slowly as that takes.
+        rig.run(|r| r.knee.phase() == Phase::Idle);
+        assert_eq!(
+            begun(&mut rig, 3),
+            [(GaitEvent::Recovery, rig.knee.swing())],
+            "hip and abductor come home at {dt} µs"
+        );
+        assert!(rig.position[leg].abs() < 0.01);
+    }
+}
+
+#[test]
+fn a_leg_that_lands_before_it_is_home_recovers_again_but_not_for_ever() {
+    let mut rig = Rig::new(1_000);
+    rig.cycle();
+    let leg = rig.knee.swing() as usize;
+    let mut recoveries = 0;
+    for _ in 0..60_000 {
+        // High ground: it lands 12 mm above rest, and what it grows then it loses again.
+        rig.load[leg] = if rig.position[leg] < -0.012 { AIR } else { LOADED };
+        let events = rig.tick().events;
+        recoveries += events.iter().filter(|event| **event == GaitEvent::Recovery).count();
+        if events.contains(&GaitEvent::CycleEnd) {
+            rig.position[leg] = -0.012;
+        }
+    }
+    assert_eq!(recoveries, usize::from(KNEE.recoveries));
 }
