@@ -231,7 +231,8 @@ impl Knee {
         self.stood = still >= KNEE.stand_us || all >= KNEE.stand_at_most_us;
     }
 
-    /// A cycle begins.
+    /// A cycle begins. Not part of every tick, so it stays in flash.
+    #[inline(never)]
     fn begin(&mut self, swing: Side, recovers: bool, inputs: &KneeInputs) {
         self.swing = swing;
         self.step = match recovers {
