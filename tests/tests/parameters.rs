@@ -68,7 +68,9 @@ fn speeds_are_of(bench: &Bench, set: &ParamSet) {
         let expected = match bench.knee().lpg().phase() {
             Phase::Kick => vec![knee.kick],
             Phase::Retract => vec![-knee.retract],
-            Phase::Extend => vec![knee.extend, rules::KNEE.touchdown_speed.min(knee.extend)],
+            Phase::Extend => {
+                vec![knee.extend, rules::KNEE.touchdown_speed.min(knee.extend), rules::KNEE.straighten]
+            }
             Phase::Idle => vec![],
         };
         assert!(expected.contains(&speed), "{speed:?} is none of {expected:?}");
