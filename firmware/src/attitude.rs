@@ -58,8 +58,9 @@ const REST_US: u32 = 100_000;
 /// Rest after which the gyro's bias is learned, and how fast.
 const LEARN_AFTER_US: u32 = 300_000;
 const LEARNING: TimeConstant = TimeConstant::us(500_000);
-/// The largest bias, 0.1 rad/s, in counts · 2¹⁶: parts of this kind keep to a fifth of it.
-const BIAS_MAX: i32 = (0.1 / RADIANS_PER_COUNT * 65536.0) as i32;
+/// The largest bias, 0.35 rad/s, in counts · 2¹⁶: the zero-rate tolerance of such parts, 20°/s (MPU-6050, table of gyroscope
+/// specifications).
+const BIAS_MAX: i32 = (0.35 / RADIANS_PER_COUNT * 65536.0) as i32;
 /// The most that one sample may be off, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32 bits.
 const OFF_MAX: i32 = 1 << 23;
 /// Of the slow rate.

@@ -193,6 +193,18 @@ fn a_bias_is_learned_at_rest_and_neither_rate_nor_lean_shows_it() {
 }
 
 #[test]
+fn a_growing_bias_is_followed_to_the_parts_tolerance_and_no_further() {
+    // A count every 0.1 s is 0.01 rad/s²; 320 counts are 0.34 rad/s.
+    let mut filter = Attitude::new();
+    let motion = (0..3200_i16).map(|sample| filter.update(10_000, &biased(sample / 10))).last();
+    assert!(motion.is_some_and(|motion| motion.rotation < Q16::lit(0.03)), "{motion:?}");
+    for counts in (320..400).flat_map(|counts| [counts; 50]) {
+        filter.update(10_000, &biased(counts));
+    }
+    assert_eq!(filter.bias(), [329, -329, 329]);
+}
+
+#[test]
 fn a_turn_faster_than_rest_is_no_bias() {
     let mut filter = Attitude::new();
     for _ in 0..3000 {
