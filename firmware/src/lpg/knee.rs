@@ -3,9 +3,10 @@
 //! ```text
 //!          both feet loaded, Factor > 0.07, rested          kick height or time
 //!   Idle ──────────────────────────────────────────▶ Kick ─────────────────────▶ Retract
-//!    ▲  one foot loaded, ξ high, rested longer    (CycleStart or Recovery)          │ −Step
-//!    │  calm, a leg away from rest                                                  ▼
-//!    └────────────── at rest height, or loaded again and still falling ───────── Extend
+//!   ▲ │   one foot loaded, ξ high, rested longer    (CycleStart or Recovery)        │ −Step
+//!   │ │   calm, a leg away from rest                                                ▼
+//!   │ └── calm, a leg short of rest (Recovery) ──────────────────────────────────▶ Extend
+//!   └──────────────── at rest height, or loaded again and still falling ─────────────┘
 //!      (CycleEnd)                        (LiftOff when the foot unloads or has been pulled up, Touchdown when it loads)
 //! ```
 //!
