@@ -30,7 +30,7 @@
 //! episodes = 120                            # the budget of each session
 //! sessions = ["knee"]                       # knee, hip, abductor (in turn without this line), all (13 parameters)
 //! common.scenario = "train"                 # any key of `sarah train --print-config`
-//! common.start = "default"                  # instead of "table-ii"
+//! common.start = "default"                  # instead of "table-ii"; or a parameter file, or the folder of a run
 //! common.draw.robot.friction = [0.4, 1.2]   # drawn anew in every episode
 //!
 //! [[arm]]

@@ -285,7 +285,7 @@ fn training(file: &TrainingFile) -> Result<TrainingPlan, StudyError> {
 }
 
 /// What the study itself decides, for all arms alike, and what only `sarah train` does.
-const DECIDED: [&str; 9] = [
+const DECIDED: [&str; 10] = [
     "seed",
     "seeds",
     "episodes",
@@ -293,6 +293,7 @@ const DECIDED: [&str; 9] = [
     "methods",
     "link",
     "scenario_as_run",
+    "start_as_run",
     "grid_impulses_n_s",
     "grid_repeats",
 ];
@@ -315,7 +316,7 @@ fn learner(arm: &MethodArm, file: &TrainingFile) -> Result<Learner, StudyError> 
     let common = overridden(&studied, &file.common).map_err(wrong)?;
     let config = overridden(&common, &arm.set).map_err(wrong)?;
     config.validate().map_err(|error| wrong(error.to_string()))?;
-    let config = config.resolved()?;
+    let config = config.resolved().map_err(|error| wrong(error.to_string()))?;
     let episode = config.train_scenario()?.episode(config.seed, 0);
     let robots = config.robots().and_then(|robots| robots.extremes()).map_err(|why| wrong(why.to_string()))?;
     for robot in robots {

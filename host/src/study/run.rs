@@ -107,7 +107,7 @@ impl Worker<'_> {
             (Unit::Cell(cell), Plan::Evaluation(plan)) => self.save(&name, &self.cell(plan, cell, &name)?)?,
             (Unit::Start { arm }, Plan::Training(plan)) => {
                 let arm = &plan.arms[*arm];
-                let start = Controller::Constants(arm.config.start.set());
+                let start = Controller::Constants(arm.config.start_set().map_err(TrainError::from)?);
                 self.save(&name, &self.judge(plan, arm, &start, &name)?)?;
             }
             (Unit::Chain { arm, seed }, Plan::Training(plan)) => {
@@ -176,7 +176,7 @@ impl Worker<'_> {
     }
 
     fn chain(&self, plan: &TrainingPlan, arm: &Learner, seed: u64, name: &str) -> Result<Vec<SessionData>, StudyError> {
-        let mut base = arm.config.start.set();
+        let mut base = arm.config.start_set().map_err(TrainError::from)?;
         let mut sessions = vec![];
         for (index, session) in plan.sessions.iter().enumerate() {
             let method = arm.config.methods[0];

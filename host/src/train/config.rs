@@ -1,15 +1,16 @@
 //! What a training run does: resolved, validated, and saved with the run.
 
-use sarah_firmware::default_params;
-use sarah_protocol::params::ParamSet;
+use sarah_protocol::params::{ParamError, ParamSet, RawParams};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use toml::Table;
 
 use crate::enaf::{EnafConfig, EnafError, Form};
 use crate::link::port::Target;
+use crate::run::ParamFileError;
 use crate::task::reward::RewardForm;
 use crate::task::robots::{DrawError, Robots};
+use crate::train::start::Start;
 use sarah_sim::scenario::{Scenario, ScenarioError};
 use sarah_sim::sil::SilConfig;
 
@@ -53,27 +54,6 @@ impl Method {
     }
 }
 
-/// What the first session begins with.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Start {
-    /// The paper's Table II in our units.
-    #[default]
-    TableIi,
-    /// The set built into the firmware.
-    Default,
-}
-
-impl Start {
-    /// The set itself.
-    pub fn set(self) -> ParamSet {
-        match self {
-            Start::TableIi => ParamSet::table_ii(),
-            Start::Default => default_params(),
-        }
-    }
-}
-
 /// One training run. Absent fields take their defaults; unknown ones are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -84,8 +64,12 @@ pub struct TrainConfig {
     pub seeds: u64,
     /// Episodes per session and method.
     pub episodes: u32,
-    /// What the first session begins with.
+    /// What the first session begins with: `table-ii`, `default`, or the path of a parameter file or of a run.
     pub start: Start,
+    /// The set of that file, as it was when the run began, in Table I's order; a run's own record has it. Goes before the
+    /// path.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_as_run: Option<RawParams>,
     /// What is trained, ours first.
     pub methods: Vec<Method>,
     /// Program and arguments of the method `external`, started where the trainer was.
@@ -128,6 +112,7 @@ impl Default for TrainConfig {
             seeds: 5,
             episodes: 120,
             start: Start::default(),
+            start_as_run: None,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             external: vec![],
             link: None,
@@ -163,6 +148,12 @@ pub enum ConfigError {
     /// The agent's part.
     #[error(transparent)]
     Enaf(#[from] EnafError),
+    /// The file that `start` names.
+    #[error("start: {0}; give table-ii, default, or a parameter file or run folder")]
+    Start(Box<ParamFileError>),
+    /// The record of what such a file said.
+    #[error("start_as_run: {0}; it is the run's own record: leave it as it was")]
+    StartAsRun(ParamError),
     /// The scenario.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -254,6 +245,7 @@ impl TrainConfig {
         self.enaf.validate()?;
         self.robots()?;
         self.train_scenario()?;
+        self.start_set()?;
         Ok(())
     }
 
@@ -270,9 +262,21 @@ impl TrainConfig {
         }
     }
 
+    /// What the first session begins with.
+    pub fn start_set(&self) -> Result<ParamSet, ConfigError> {
+        match self.start_as_run {
+            Some(values) => ParamSet::new(values).map_err(ConfigError::StartAsRun),
+            None => self.start.load().map_err(|error| ConfigError::Start(error.into())),
+        }
+    }
+
     /// The same run with everything written out that lies elsewhere.
-    pub fn resolved(&self) -> Result<Self, ScenarioError> {
-        Ok(TrainConfig { scenario_as_run: Some(self.train_scenario()?), ..self.clone() })
+    pub fn resolved(&self) -> Result<Self, ConfigError> {
+        let start_as_run = match self.start {
+            Start::Path(_) => Some(*self.start_set()?.values()),
+            Start::TableIi | Start::Default => None,
+        };
+        Ok(TrainConfig { scenario_as_run: Some(self.train_scenario()?), start_as_run, ..self.clone() })
     }
 
     /// The agent's configuration for a method.
@@ -302,6 +306,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::param_set_text;
 
     #[test]
     fn a_saved_configuration_reads_back_as_it_was() {
@@ -317,6 +322,23 @@ mod tests {
         let error = TrainConfig::parse("my.toml", "episodes = 3\nepisods = 4\n").expect_err("unknown key");
         let text = error.to_string();
         assert!(text.contains("my.toml: line 2") && text.contains("episods") && !text.contains('\n'), "{text}");
+    }
+
+    #[test]
+    fn a_start_from_a_file_is_kept_with_the_run() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("mine.toml");
+        let mut values = *ParamSet::table_ii().values();
+        values[0] = 0.05;
+        let set = ParamSet::new(values).expect("within limits");
+        std::fs::write(&file, param_set_text(&set, None)).expect("writes");
+        let text = format!("start = {:?}\n", file.display().to_string());
+        let resolved = TrainConfig::parse("my.toml", &text).expect("reads").resolved().expect("the file is there");
+        std::fs::remove_file(&file).expect("is there");
+        let kept = TrainConfig::parse("config.toml", &resolved.to_toml().expect("writes")).expect("reads");
+        assert_eq!((kept.start_set().expect("kept"), &kept), (set, &resolved));
+        let error = TrainConfig::parse("my.toml", &text).expect_err("the file has gone").to_string();
+        assert!(error.contains("mine.toml") && error.contains("table-ii"), "{error}");
     }
 
     #[test]

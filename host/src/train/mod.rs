@@ -14,6 +14,7 @@ pub mod config;
 pub mod journal;
 pub mod outcome;
 pub mod session;
+pub mod start;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -172,7 +173,7 @@ impl Operator {
 /// A new run.
 pub fn train(config: &TrainConfig, out: &Path, operator: &Operator) -> Result<PathBuf, TrainError> {
     config.validate()?;
-    let config = &config.resolved().map_err(ConfigError::from)?;
+    let config = &config.resolved()?;
     // A robot that cannot be built or reached is refused before anything is written.
     let robot = operator.robot(config)?;
     if robot.is_none() {
@@ -263,7 +264,7 @@ fn chain(
     progress: &Progress,
     failed: &AtomicBool,
 ) -> Result<Chain, TrainError> {
-    let mut chain = Chain { method, seed, sessions: vec![], start: config.start.set() };
+    let mut chain = Chain { method, seed, sessions: vec![], start: config.start_set()? };
     for (index, scope) in Scope::SESSIONS.into_iter().enumerate() {
         let number = index as u8 + 1;
         let place = folder.session(method.folder(), seed, number)?;

@@ -50,7 +50,7 @@ pub fn judge(
 ) -> Result<RunReport, TrainError> {
     progress.phase("judging every session on common pushes");
     let judge = Judge { config, folder, progress, scenario: config.train_scenario().map_err(ConfigError::from)? };
-    let start = judge.rewards("start", &Controller::Constants(config.start.set()))?;
+    let start = judge.rewards("start", &Controller::Constants(config.start_set()?))?;
     let mut judged = BTreeMap::new();
     for chain in chains {
         for (index, trained) in chain.sessions.iter().enumerate() {
@@ -83,7 +83,7 @@ pub fn judge(
         info: info.clone(),
         evaluations,
         sessions,
-        parameters: parameters(config, chains, &best),
+        parameters: parameters(config, chains, &best)?,
         episode: Some(shown(config, &best)?),
     };
     write_atomic(&folder.layout().evaluation(), &json(&report)?)?;
@@ -109,7 +109,7 @@ pub fn on_a_robot(
         info: info.clone(),
         evaluations: vec![],
         sessions: vec![],
-        parameters: parameters(config, std::slice::from_ref(chain), &set),
+        parameters: parameters(config, std::slice::from_ref(chain), &set)?,
         episode: None,
     };
     write_atomic(&folder.layout().evaluation(), &json(&report)?)?;
@@ -262,13 +262,14 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Vec<ParameterRow> {
+fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Result<Vec<ParameterRow>, ConfigError> {
+    let start = config.start_set()?;
     let ours = config.methods.first();
     let rows = SPECS.iter().enumerate().map(|(index, spec)| ParameterRow {
         symbol: spec.symbol.into(),
         unit: spec.unit.into(),
         what: spec.meaning.into(),
-        start: config.start.set().values()[index].into(),
+        start: start.values()[index].into(),
         trained: chains
             .iter()
             .filter(|chain| Some(&chain.method) == ours)
@@ -276,7 +277,7 @@ fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Vec<
             .collect(),
         chosen: chosen.values()[index].into(),
     });
-    rows.collect()
+    Ok(rows.collect())
 }
 
 /// The paper's own evaluation episode, recorded.
