@@ -21,13 +21,14 @@ use toml::Table;
 
 use super::StudyError;
 use super::file::{ConditionFile, ControllerArm, ControllerName, EvaluationFile, MethodArm, StudyFile, TrainingFile};
+use crate::enaf::Form;
 use crate::evaluate::Controller;
 use crate::link::sim::SimRobot;
 use crate::overrides::overridden;
 use crate::run::load_param_set;
 use crate::task::action::Scope;
 use crate::task::robots::Robots;
-use crate::train::TrainConfig;
+use crate::train::{Method, TrainConfig};
 
 /// Seeds of judging.
 pub const JUDGE_SEED: u64 = 1 << 61;
@@ -118,6 +119,16 @@ pub struct Learner {
     pub name: String,
     /// All of it: one method, the study's seeds and budget.
     pub config: TrainConfig,
+}
+
+impl Learner {
+    /// Whether its agent acts by itself in the end, and is judged a second time as what it does on average.
+    pub fn acts(&self) -> bool {
+        self.config.methods.iter().filter(|method| matches!(method, Method::Enaf | Method::EnafPaper)).any(|method| {
+            let enaf = self.config.enaf_for(*method);
+            enaf.form == Form::Paper || enaf.residual_after.is_some()
+        })
+    }
 }
 
 impl Plan {

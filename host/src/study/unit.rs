@@ -92,8 +92,9 @@ impl Unit {
     pub fn episodes(&self, plan: &Plan) -> u64 {
         match (*self, plan) {
             (Unit::Cell(cell), Plan::Evaluation(plan)) => plan.conditions[cell.condition].episodes,
-            (Unit::Chain { .. }, Plan::Training(plan)) => {
-                (u64::from(plan.episodes) + u64::from(plan.judged_episodes)) * plan.sessions.len() as u64
+            (Unit::Chain { arm, .. }, Plan::Training(plan)) => {
+                let judged = u64::from(plan.judged_episodes) * if plan.arms[arm].acts() { 2 } else { 1 };
+                (u64::from(plan.episodes) + judged) * plan.sessions.len() as u64
             }
             (Unit::Start { .. }, Plan::Training(plan)) => plan.judged_episodes.into(),
             _ => 0,
