@@ -96,13 +96,14 @@ pub fn train(
     progress.phase(&format!("training on {} in {}", reached.link.health().port, folder.layout().root().display()));
     progress.print(console::HELP);
     let recorder = Recorder::start(&folder.layout().root().join("recordings"), &reached.link)?;
+    let start = config.start_set()?;
     let (chain, mut bench) = {
-        let (_, first) = open(config, folder, Scope::SESSIONS[0], config.start_set()?, 1)?;
+        let (_, first) = open(config, folder, Scope::SESSIONS[0], start, 1)?;
         let mut collector = Collector::new(first, 0, PoseSource::new(Odometry::new(reached.geometry)));
         if reached.robot.arm {
             collector.allow(reached.robot.consent);
         }
-        let chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![], start: config.start_set()? };
+        let chain = Chain { method: Method::Enaf, seed: config.seed, sessions: vec![], start };
         let words = console::listen();
         (chain, Bench { reached, collector, recorder, words, interrupted, progress: &progress, ended: false })
     };
