@@ -254,7 +254,11 @@ impl Knee {
         self.recoveries = if recovers { self.recoveries.saturating_add(1) } else { 0 };
         // A leg that is short tilts the trunk, which would fall onto it as soon as it is lifted: first it grows under load.
         self.straightens = recovers && inputs.position[swing as usize] < -KNEE.home;
-        self.displaced[swing as usize] = !recovers || self.straightens && self.recoveries < KNEE.recoveries;
+        match recovers {
+            true => self.displaced[swing as usize] = self.straightens && self.recoveries < KNEE.recoveries,
+            // A step turns both legs.
+            false => self.displaced = [true; 2],
+        }
         self.lifted = false;
         self.airborne = false;
         // A recovery tidies up; it is no step.
@@ -308,7 +312,8 @@ impl Knee {
             false => (params.extend, KNEE.stroke_us),
         };
         let late = self.passed(limit_us, inputs.dt_us);
-        self.flags(grounded, true, out);
+        let down = grounded || self.late_us > KNEE.late_us && position >= -KNEE.near;
+        self.flags(down, true, out);
         // What a silent IMU said last is no reason to reach.
         let reaches = inputs.may_start && self.reaches(grounded, inputs.fall);
         let waits = !self.unloaded | (self.waited_us < self.late_us);

@@ -48,6 +48,10 @@ pub struct KneeRules {
     pub reach: Q16,
     /// It waits for them no longer than this.
     pub wait_us: u32,
+    /// Pads that took longer than this to tell of lift-off are too late to stop hip and abductor at touchdown: …
+    pub late_us: u32,
+    /// … a leg that is no more than this short of rest is taken to be down.
+    pub near: Q16,
     /// An extension ends where the sensor sees the leg this far beyond its goal: more than a kick, and a leg that was kicked
     /// is where a late one may see it still.
     pub beyond: Q16,
@@ -101,6 +105,8 @@ pub const KNEE: KneeRules = KneeRules {
     fall_xi: Q16::lit(0.2701),
     reach: Q16::lit(0.0451),
     wait_us: 150_000,
+    late_us: 50_000,
+    near: Q16::lit(0.02),
     beyond: Q16::lit(0.015),
     touchdown_speed: Q16::lit(0.3121),
     lead_us: 5_000,
@@ -131,6 +137,10 @@ pub struct SwingRules {
     pub outward_only: bool,
     /// Outward target of a leg opposite the fall per unit of x, s.
     pub opposite: Q16,
+    /// The other leg turns the opposite way by this fraction of what the swing leg has to go …
+    pub scissor: Q16,
+    /// … at this speed, rad/s.
+    pub scissor_speed: Q16,
     /// The move is given up after this.
     pub move_us: u32,
 }
@@ -142,6 +152,8 @@ pub const HIP: SwingRules = SwingRules {
     reach: Q16::lit(0.582),
     outward_only: false,
     opposite: Q16::ZERO,
+    scissor: Q16::lit(0.3),
+    scissor_speed: Q16::lit(1.5),
     move_us: 500_000,
 };
 
@@ -152,5 +164,7 @@ pub const ABDUCTOR: SwingRules = SwingRules {
     reach: Q16::lit(0.4383),
     outward_only: true,
     opposite: Q16::lit(0.1652),
+    scissor: Q16::lit(0.15),
+    scissor_speed: Q16::lit(1.5),
     move_us: 500_000,
 };

@@ -9,7 +9,9 @@
 //! ```
 //!
 //! The leg moves there at constant speed (H5, V5) while its foot is in the air, and brakes on target, at touchdown or at
-//! the end of the cycle. In a recovery cycle the target is zero.
+//! the end of the cycle. Meanwhile the other leg, which carries the robot, turns the opposite way by a fraction of what the
+//! swing leg has to go: legs that open like scissors turn the trunk less, so the foot lands farther out. In a recovery cycle
+//! the target is zero and the other leg stays.
 
 use sarah_protocol::bus::{GaitEvent, Motion, Side};
 use sarah_protocol::fixed::Q16;
@@ -89,14 +91,25 @@ pub struct Swing {
     leg: Side,
     /// Decided at lift-off, or known when a recovery begins.
     target: Option<Q16>,
-    arrived: bool,
+    /// Of the other leg, decided where the move begins.
+    stance_target: Option<Q16>,
+    /// \[swing leg, other leg\] has nowhere to go any more.
+    arrived: [bool; 2],
     moving_us: u32,
 }
 
 impl Swing {
     /// At rest.
     pub const fn new(rules: SwingRules) -> Swing {
-        Swing { rules, phase: Phase::Idle, leg: Side::Left, target: None, arrived: false, moving_us: 0 }
+        Swing {
+            rules,
+            phase: Phase::Idle,
+            leg: Side::Left,
+            target: None,
+            stance_target: None,
+            arrived: [false; 2],
+            moving_us: 0,
+        }
     }
 
     /// Where the move is.
@@ -119,8 +132,10 @@ impl Swing {
         match (event, self.phase) {
             (GaitEvent::CycleStart | GaitEvent::Recovery, _) => {
                 self.leg = swing;
-                self.target = (event == GaitEvent::Recovery).then_some(Q16::ZERO);
-                self.arrived = false;
+                let recovers = event == GaitEvent::Recovery;
+                self.target = recovers.then_some(Q16::ZERO);
+                self.stance_target = None;
+                self.arrived = [false, recovers];
                 self.moving_us = 0;
                 self.phase = Phase::Ready;
             }
@@ -129,7 +144,7 @@ impl Swing {
                 if self.target.is_none() {
                     self.target = Some(self.aim(sway, params));
                 }
-                self.phase = if self.arrived { Phase::Held } else { Phase::Moving };
+                self.phase = if self.arrived == [true; 2] { Phase::Held } else { Phase::Moving };
             }
             (GaitEvent::Touchdown, Phase::Moving) => self.phase = Phase::Held,
             (GaitEvent::CycleEnd, _) => self.phase = Phase::Idle,
@@ -140,18 +155,25 @@ impl Swing {
     /// One control tick: commands for the \[left, right\] joint and whether the move ran out of time.
     pub fn tick(&mut self, dt_us: u32, position: [Q16; 2], params: &SwingParams) -> ([Drive; 2], bool) {
         let mut drive = [Drive::Brake; 2];
-        let leg = self.leg as usize;
         let mut timed_out = false;
         if let (Phase::Moving, Some(target)) = (self.phase, self.target) {
-            let error = target - position[leg];
+            let (swing, stance) = (self.leg as usize, self.leg.other() as usize);
+            let stance_target = *self
+                .stance_target
+                .get_or_insert_with(|| position[stance] - self.rules.scissor.times(target - position[swing]));
             self.moving_us = self.moving_us.saturating_add(dt_us);
             timed_out = self.moving_us > self.rules.move_us;
-            // Nearer than half a tick's travel is as near as this tick rate gets.
-            if within(error.abs().0 as u32, params.speed.0 as u32, dt_us) || timed_out {
-                self.arrived = true;
+            let moves = [(swing, target, params.speed), (stance, stance_target, self.rules.scissor_speed)];
+            for (arrived, (leg, target, speed)) in self.arrived.iter_mut().zip(moves) {
+                let error = target - position[leg];
+                // Nearer than half a tick's travel is as near as this tick rate gets.
+                *arrived |= timed_out || within(error.abs().0 as u32, speed.0 as u32, dt_us);
+                if !*arrived {
+                    drive[leg] = Drive::Velocity(speed.signed(error.signum()));
+                }
+            }
+            if self.arrived == [true; 2] {
                 self.phase = Phase::Held;
-            } else {
-                drive[leg] = Drive::Velocity(params.speed.signed(error.signum()));
             }
         }
         (drive, timed_out)

@@ -42,10 +42,10 @@ fn pads_that_never_tell_of_lift_off_end_the_cycle_at_rest_height_and_count_no_st
     for dt in RATES {
         let mut rig = pulled_up(dt);
         let events = rig.run(|r| r.knee.phase() == Phase::Idle);
-        assert_eq!(names(&events), [GaitEvent::LiftOff, GaitEvent::CycleEnd]);
+        assert_eq!(names(&events), [GaitEvent::LiftOff, GaitEvent::Touchdown, GaitEvent::CycleEnd]);
         assert!(rig.position[0].abs() < 0.01, "{}", rig.position[0]);
         let most = 2.0 * f64::from(KNEE.step.1.to_f32()) / 0.3 + f64::from(KNEE.wait_us) * 1e-6;
-        assert!(events[1].1 < most, "{} s", events[1].1);
+        assert!(events[2].1 < most, "{} s", events[2].1);
         rig.motion = QUIET();
         pass(&mut rig, 100_000);
         assert_eq!(rig.knee.steps(), 0);
@@ -77,6 +77,27 @@ fn pads_that_still_tell_of_the_ground_are_no_touchdown() {
         rig.load[0] = LOADED;
         assert_eq!(pass(&mut rig, 10_000)[..1], [GaitEvent::Touchdown]);
         assert_eq!(rig.knee.steps(), 1);
+    }
+}
+
+#[test]
+fn a_foot_is_taken_to_be_down_near_rest_height_if_its_pads_told_late_of_lift_off() {
+    for (late_us, expected) in
+        [(20_000, None), (60_000, Some(GaitEvent::Touchdown)), (90_000, Some(GaitEvent::Touchdown))]
+    {
+        let mut rig = pulled_up(1_000);
+        pass(&mut rig, late_us);
+        rig.load[0] = AIR;
+        rig.run(|r| r.knee.phase() == Phase::Extend);
+        let mut told = None;
+        while rig.position[0] < 0.0 {
+            let at = rig.position[0];
+            let events = rig.tick().events;
+            assert!(events.is_empty() || at >= -f64::from(KNEE.near.to_f32()), "{at} m");
+            told = told.or(events.first().copied());
+        }
+        assert_eq!(told, expected, "{late_us} µs");
+        assert_eq!(rig.knee.steps(), u32::from(expected.is_some()));
     }
 }
 
