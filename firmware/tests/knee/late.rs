@@ -118,10 +118,10 @@ fn a_leg_reaches_beyond_rest_when_the_pads_had_as_long_for_touchdown_as_they_too
 #[test]
 fn a_foot_that_lands_meanwhile_ends_the_reach() {
     let mut rig = pulled_up(1_000);
-    pass(&mut rig, 60_000);
+    pass(&mut rig, 40_000);
     rig.load[0] = AIR;
     rig.run(|r| r.position[0] >= 0.0);
-    pass(&mut rig, 50_000);
+    pass(&mut rig, 30_000);
     rig.load[0] = LOADED;
     let events = rig.run(|r| r.knee.phase() == Phase::Idle);
     assert_eq!(names(&events), [GaitEvent::Touchdown, GaitEvent::CycleEnd]);
