@@ -93,7 +93,7 @@ pub struct Swing {
     target: Option<Q16>,
     /// Of the other leg, decided where the move begins.
     stance_target: Option<Q16>,
-    /// \[swing leg, other leg\] has nowhere to go any more.
+    /// The \[left, right\] leg has nowhere to go any more.
     arrived: [bool; 2],
     moving_us: u32,
 }
@@ -135,7 +135,7 @@ impl Swing {
                 let recovers = event == GaitEvent::Recovery;
                 self.target = recovers.then_some(Q16::ZERO);
                 self.stance_target = None;
-                self.arrived = [false, recovers];
+                self.arrived = Side::BOTH.map(|side| recovers && side != swing);
                 self.moving_us = 0;
                 self.phase = Phase::Ready;
             }
@@ -157,19 +157,22 @@ impl Swing {
         let mut drive = [Drive::Brake; 2];
         let mut timed_out = false;
         if let (Phase::Moving, Some(target)) = (self.phase, self.target) {
-            let (swing, stance) = (self.leg as usize, self.leg.other() as usize);
-            let stance_target = *self
-                .stance_target
-                .get_or_insert_with(|| position[stance] - self.rules.scissor.times(target - position[swing]));
+            let [left, right] = position;
+            let (swing, stance) = if self.leg == Side::Left { (left, right) } else { (right, left) };
+            let stance_target =
+                *self.stance_target.get_or_insert_with(|| stance - self.rules.scissor.times(target - swing));
             self.moving_us = self.moving_us.saturating_add(dt_us);
             timed_out = self.moving_us > self.rules.move_us;
-            let moves = [(swing, target, params.speed), (stance, stance_target, self.rules.scissor_speed)];
-            for (arrived, (leg, target, speed)) in self.arrived.iter_mut().zip(moves) {
-                let error = target - position[leg];
+            let (move_swing, move_stance) = ((target, params.speed), (stance_target, self.rules.scissor_speed));
+            let moves = if self.leg == Side::Left { [move_swing, move_stance] } else { [move_stance, move_swing] };
+            for (((drive, arrived), at), (target, speed)) in
+                drive.iter_mut().zip(&mut self.arrived).zip(position).zip(moves)
+            {
+                let error = target - at;
                 // Nearer than half a tick's travel is as near as this tick rate gets.
                 *arrived |= timed_out || within(error.abs().0 as u32, speed.0 as u32, dt_us);
                 if !*arrived {
-                    drive[leg] = Drive::Velocity(speed.signed(error.signum()));
+                    *drive = Drive::Velocity(speed.signed(error.signum()));
                 }
             }
             if self.arrived == [true; 2] {
