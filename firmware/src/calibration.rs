@@ -11,7 +11,8 @@
 
 use sarah_protocol::fixed::Q16;
 
-use crate::lpg::{Drive, product};
+use crate::lpg::Drive;
+use crate::lpg::arithmetic::product;
 use crate::node::Sensors;
 
 /// Largest reading of the 12-bit converter.

@@ -11,7 +11,7 @@
 
 use sarah_protocol::fixed::Q16;
 
-use super::product;
+use super::arithmetic::product;
 
 /// Unsigned division: the only operation whose implementation differs between the chip (DIVAS) and elsewhere.
 pub trait Divider {

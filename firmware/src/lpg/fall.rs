@@ -6,8 +6,8 @@
 use sarah_protocol::bus::Motion;
 use sarah_protocol::fixed::Q16;
 
+use super::arithmetic::longer;
 use super::factor::{self, Divider, FACTOR_THRESHOLD_Q30};
-use super::longer;
 use super::rules::KNEE;
 
 /// One motion message in the eyes of LPG1.

@@ -20,6 +20,7 @@ use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::ParamSet;
 
 use super::Drive;
+use super::arithmetic::covers;
 use super::fall::Fall;
 use super::rules::KNEE;
 
@@ -324,7 +325,7 @@ impl Knee {
         }
         // Pads that have told nothing at all are no reason to reach for the ground.
         let goal = if reaches && self.unloaded { KNEE.reach } else { Q16::ZERO };
-        let near = within(goal - position - KNEE.lead_margin, speed, KNEE.lead_us);
+        let near = covers(speed, KNEE.lead_us, goal - position - KNEE.lead_margin);
         // A leg that did not follow its retraction is longer than reckoned. Its sensor says so, and being late makes no leg
         // longer than it was.
         let beyond = inputs.sensed[self.swing as usize] > goal + KNEE.beyond;
@@ -419,38 +420,7 @@ impl Knee {
     }
 }
 
-/// Whether `speed` covers `gap` within `lead_us`: gap ≤ speed · lead / 1 s, without a division.
-fn within(gap: Q16, speed: Q16, lead_us: u32) -> bool {
-    const SECOND: i32 = 1_000_000;
-    if gap.0 <= 0 {
-        return true;
-    }
-    if gap.0 > i32::MAX / SECOND {
-        return false;
-    }
-    // Below 4 m/s and 8 ms the product has 31 bits, one multiplication of the chip's.
-    let (size, covered) = (speed.0 as u32, speed.0.wrapping_mul(lead_us as i32));
-    let covered = if size < 1 << 18 && lead_us < 1 << 13 { covered } else { speed.scaled(lead_us as i32, 0).0 };
-    gap.0 * SECOND <= covered
-}
-
 /// Four events are the most a tick can raise (start, lift-off, touchdown, end), so the push cannot fail.
 fn raise(out: &mut KneeOutputs, event: GaitEvent) {
     let _ = out.events.push(event);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    proptest::proptest! {
-        #[test]
-        fn within_is_a_division(gap: i32, speed: i32, shift in 0..32, lead_us in 0..20_000_u32) {
-            for (gap, speed) in [(gap, speed), (gap >> 20, speed >> shift), ((speed >> 13) / 200, speed >> 13)] {
-                let exact = i64::from(gap) * 1_000_000 <= i64::from(speed) * i64::from(lead_us);
-                let expected = gap <= 0 || gap <= i32::MAX / 1_000_000 && exact;
-                proptest::prop_assert_eq!(within(Q16(gap), Q16(speed), lead_us), expected, "{} {}", gap, speed);
-            }
-        }
-    }
 }

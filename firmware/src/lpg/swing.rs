@@ -18,6 +18,7 @@ use sarah_protocol::fixed::Q16;
 use sarah_protocol::params::{Lpg, ParamSet};
 
 use super::Drive;
+use super::arithmetic::nearest;
 use super::rules::SwingRules;
 
 /// H1–H5 or V1–V5 in fixed point.
@@ -170,7 +171,7 @@ impl Swing {
             {
                 let error = target - at;
                 // Nearer than half a tick's travel is as near as this tick rate gets.
-                *arrived |= timed_out || within(error.abs().0 as u32, speed.0 as u32, dt_us);
+                *arrived |= timed_out || nearest(error.abs().0 as u32, speed.0 as u32, dt_us);
                 if !*arrived {
                     *drive = Drive::Velocity(speed.signed(error.signum()));
                 }
@@ -197,41 +198,5 @@ impl Swing {
         let with_fall = x.signum() == outward;
         let angle = if with_fall { reach } else { rules.opposite.times(size) };
         angle.max(Q16::ZERO).min(rules.reach).signed(outward)
-    }
-}
-
-/// Whether `error` is at most half of what `speed` (0 to [`Q16::MAX`]) covers in `dt_us`: error ≤ speed · dt / 2 s, without
-/// a division.
-fn within(error: u32, speed: u32, dt_us: u32) -> bool {
-    const TWO_SECONDS: u32 = 2_000_000;
-    // What ticks of up to 2 ms and speeds below 16 rad/s give fits 32 bits; the chip is ten times slower at 64.
-    if dt_us < 1 << 11 && speed < 1 << 20 {
-        return error <= u32::MAX / TWO_SECONDS && error * TWO_SECONDS <= speed * dt_us;
-    }
-    u64::from(error) * u64::from(TWO_SECONDS) <= u64::from(speed) * u64::from(dt_us)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    proptest::proptest! {
-        #[test]
-        fn within_is_a_division(
-            error in 0..=i32::MAX as u32,
-            speed in 0..=i32::MAX as u32,
-            dt_us in 0..=2_000_000_u32,
-            shift in 0..32,
-        ) {
-            for (error, speed, dt_us) in [
-                (error, speed, dt_us),
-                (error >> shift, speed >> 11, dt_us >> 10),
-                (error >> 20, speed >> 11, dt_us >> 10),
-                ((u64::from(speed >> 11) * u64::from(dt_us >> 10) / 2_000_000) as u32, speed >> 11, dt_us >> 10),
-            ] {
-                let near = (i64::from(speed) * i64::from(dt_us) / 2_000_000) as i32;
-                proptest::prop_assert_eq!(within(error, speed, dt_us), error as i32 <= near);
-            }
-        }
     }
 }
