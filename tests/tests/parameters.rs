@@ -15,7 +15,7 @@ use sarah_protocol::telemetry::faults;
 use sarah_sim::body::joints_of;
 use sarah_sim::bus::Station;
 use sarah_sim::line::{Faults, Line};
-use sarah_sim::robot::Health;
+use sarah_sim::robot::{Health, Joint};
 use sarah_sim::scenario::Push;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_tests::{Bench, Dice, episode, generations, near_default, push};
@@ -57,14 +57,12 @@ impl Sent {
 /// Asserts that every moving joint moves at a speed of this set.
 fn speeds_are_of(bench: &Bench, set: &ParamSet) {
     let commands = bench.sil.commands();
-    let speeds = |id: NodeId| {
-        joints_of(id).into_iter().filter_map(|joint| match commands[joint as usize] {
-            Drive::Velocity(speed) => Some(speed),
-            Drive::Brake => None,
-        })
+    let moving = |joint: Joint| match commands[joint as usize] {
+        Drive::Velocity(speed) => Some(speed),
+        Drive::Brake => None,
     };
     let knee = KneeParams::from(set);
-    for speed in speeds(NodeId::Knee) {
+    for speed in joints_of(NodeId::Knee).into_iter().filter_map(moving) {
         let expected = match bench.knee().lpg().phase() {
             Phase::Kick => vec![knee.kick],
             Phase::Retract => vec![-knee.retract],
@@ -81,7 +79,7 @@ fn speeds_are_of(bench: &Bench, set: &ParamSet) {
         for (side, joint) in Side::BOTH.into_iter().zip(joints_of(id)) {
             // The leg that carries turns at a speed of the rules, which no set changes.
             let expected = if side == swing { expected } else { rules.scissor_speed };
-            if let Drive::Velocity(speed) = commands[joint as usize] {
+            if let Some(speed) = moving(joint) {
                 assert_eq!(speed.abs(), expected, "{joint:?}");
             }
         }

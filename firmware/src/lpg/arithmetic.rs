@@ -1,4 +1,5 @@
-//! What the pattern generators reckon in every tick, on a chip that has no divider and multiplies 32 bits at once.
+//! What the pattern generators reckon in every tick and of every message, on a chip that has no divider and multiplies 32
+//! bits at once.
 
 use sarah_protocol::fixed::Q16;
 
