@@ -313,7 +313,9 @@ impl Knee {
             false => (params.extend, KNEE.stroke_us),
         };
         let late = self.passed(limit_us, inputs.dt_us);
-        let down = grounded || self.late_us > KNEE.late_us && position >= -KNEE.near;
+        // A leg that grows where it stands was not pulled up, so its pads have told nothing of how late they are.
+        let late_pads = self.late_us > KNEE.late_us && !self.straightens;
+        let down = grounded || late_pads && position >= -KNEE.near;
         self.flags(down, true, out);
         // What a silent IMU said last is no reason to reach.
         let reaches = inputs.may_start && self.reaches(grounded, inputs.fall);

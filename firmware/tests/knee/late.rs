@@ -138,3 +138,18 @@ fn a_leg_does_not_reach_for_the_ground_once_the_imu_is_silent() {
     assert_eq!(names(&events), [GaitEvent::LiftOff, GaitEvent::CycleEnd]);
     assert!(rig.position[0].abs() < 0.01, "{}", rig.position[0]);
 }
+
+#[test]
+fn a_leg_that_grows_where_it_stands_has_lifted_when_its_pads_say_so_however_late_they_were_before() {
+    let mut rig = pulled_up(1_000);
+    pass(&mut rig, 90_000);
+    rig.load[0] = AIR;
+    rig.motion = QUIET();
+    rig.run(|r| r.knee.phase() == Phase::Idle);
+    rig.load[0] = LOADED;
+    rig.position[0] = -0.04;
+    rig.run(|r| r.knee.phase() == Phase::Extend);
+    rig.run(|r| r.position[0] > -0.01);
+    rig.load[0] = AIR;
+    assert_eq!(pass(&mut rig, 10_000), [GaitEvent::LiftOff]);
+}
