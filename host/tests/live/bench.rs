@@ -14,7 +14,10 @@ use sarah_sim::line::{BadLine, Faults};
 use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_sim::world::World;
+
 use tempfile::TempDir;
+
+use crate::tty::PATIENCE;
 
 /// Length of a turn, µs.
 const TURN_US: u64 = 2_000;
@@ -184,11 +187,11 @@ fn run(robot: &mut Robot, todo: &Receiver<Work>) {
     }
 }
 
-/// Waits until `holds`, at most twenty seconds.
+/// Waits until `holds`, at most [`PATIENCE`].
 pub fn wait(what: &str, holds: impl Fn() -> bool) {
     let began = Instant::now();
     while !holds() {
-        assert!(began.elapsed() < Duration::from_secs(20), "waited in vain for {what}");
+        assert!(began.elapsed() < PATIENCE, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
 }

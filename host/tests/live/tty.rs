@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use sarah::emulate::terminal::Terminal;
 
-/// Longest wait for anything.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest wait for anything: robots run in real time, and other work may leave them a tenth of a core.
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 pub struct Tty {
     terminal: Terminal,
