@@ -14,7 +14,6 @@ use sarah_sim::line::{BadLine, Faults};
 use sarah_sim::scenario::Scenario;
 use sarah_sim::sil::{Sil, SilConfig};
 use sarah_sim::world::World;
-
 use tempfile::TempDir;
 
 use crate::tty::PATIENCE;
