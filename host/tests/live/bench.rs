@@ -51,6 +51,13 @@ impl Robot {
         self.terminal = Some(terminal);
     }
 
+    /// As for a real port, its name goes first: the system gives the number behind it to whoever asks next, such as another
+    /// robot, and the host would talk to that one.
+    fn unplug(&mut self) {
+        let _ = std::fs::remove_file(&self.link);
+        self.terminal = None;
+    }
+
     fn turn(&mut self) {
         let until_us = self.world.now_us() + TURN_US;
         let health = self.world.run_until(until_us).expect("simulates");
@@ -128,7 +135,7 @@ impl Bench {
 
     /// Pulls the cable; the robot stays on.
     pub fn unplug(&self) {
-        self.with(|robot| robot.terminal = None);
+        self.with(Robot::unplug);
     }
 
     /// Plugs it in again, as another device of the same name.
@@ -156,7 +163,7 @@ impl Bench {
         });
     }
 
-    /// Waits until `holds`, at most ten seconds.
+    /// Waits until `holds`, at most [`PATIENCE`].
     pub fn wait(&self, what: &str, holds: impl Fn(&Bench) -> bool) {
         wait(what, || holds(self));
     }
