@@ -13,7 +13,7 @@ const DIRECTION: u64 = 10;
 const SHOWN_S: [f32; 7] = [0.0, 0.2, 0.35, 0.55, 0.75, 1.0, 3.5];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "robot-picture".into()));
+    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "runs/robot-picture".into()));
     std::fs::create_dir_all(&folder)?;
     let episode = Scenario::load("push-grid")?.episode(1, DIRECTION);
     let pushed = episode.pushes[0];

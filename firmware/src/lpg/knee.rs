@@ -120,7 +120,7 @@ pub struct Knee {
     lifted_at: Q16,
     /// Since the swing leg was pulled up, until the pads told of it: as late, or later, they will tell of touchdown.
     late_us: u32,
-    /// They have told of it in this cycle.
+    /// They have told of it in this cycle, or need not, as the leg grows where it stands.
     unloaded: bool,
     /// For so long the leg has waited at rest height for what the pads will say.
     waited_us: u32,
@@ -260,8 +260,10 @@ impl Knee {
             // A step turns both legs.
             false => self.displaced = [true; 2],
         }
-        self.lifted = false;
-        self.airborne = false;
+        (self.lifted, self.airborne) = (false, false);
+        (self.late_us, self.waited_us) = (0, 0);
+        // A leg that is not pulled up needs no word of its pads before they are believed.
+        self.unloaded = self.straightens;
         // A recovery tidies up; it is no step.
         self.counted = recovers;
         self.stepped_before = true;
@@ -290,7 +292,6 @@ impl Knee {
                 return self.end(out);
             }
             self.enter(Phase::Retract);
-            (self.late_us, self.waited_us, self.unloaded) = (0, 0, false);
         }
         let grounded = self.carries(grounded, position, inputs.dt_us);
         if self.phase == Phase::Retract {
@@ -313,9 +314,7 @@ impl Knee {
             false => (params.extend, KNEE.stroke_us),
         };
         let late = self.passed(limit_us, inputs.dt_us);
-        // A leg that grows where it stands was not pulled up, so its pads have told nothing of how late they are.
-        let late_pads = self.late_us > KNEE.late_us && !self.straightens;
-        let down = grounded || late_pads && position >= -KNEE.near;
+        let down = grounded || self.late_us > KNEE.late_us && position >= -KNEE.near;
         self.flags(down, true, out);
         // What a silent IMU said last is no reason to reach.
         let reaches = inputs.may_start && self.reaches(grounded, inputs.fall);

@@ -1,6 +1,6 @@
 //! Constants of the pattern generators that are not trained, in SI units.
 //!
-//! Found by search on the simulated robot (DESIGN assumptions: 32 kg, 1 m); the trained parameters of Table I are in
+//! Found by search and by hand on the simulated robot (DESIGN assumptions: 32 kg, 1 m); the trained parameters of Table I are in
 //! `sarah_protocol::params`.
 
 use sarah_protocol::fixed::Q16;

@@ -39,9 +39,7 @@ impl Robot {
         let sil = Sil::new(&config, default_params(), stored, &scenario.episode(seed, 0)).expect("starts");
         let mut world = BadLine::new(sil, Faults::default(), seed);
         let attendant = Attendant::new(scenario, seed, &mut world);
-        let mut robot = Robot { world, terminal: None, attendant, link: link.into(), off_us: 0 };
-        robot.plug();
-        robot
+        Robot { world, terminal: None, attendant, link: link.into(), off_us: 0 }
     }
 
     fn plug(&mut self) {
@@ -94,6 +92,7 @@ impl Bench {
         let (work, todo) = channel::<Work>();
         let link = folder.path().join("ttyROBOT");
         let mut robot = Robot::new(&scenario, default_params(), &link, 5);
+        robot.plug();
         let thread = std::thread::spawn(move || run(&mut robot, &todo));
         Bench { folder, work: Some(work), thread: Some(thread) }
     }
