@@ -100,6 +100,10 @@ class Plant:
         self._ground(setup)
         mujoco.mj_setConst(model, data)
         mujoco.mj_resetData(model, data)
+        # Rigid feet stand flat on a slope only if the legs are square to it.
+        at, turned = data.qpos[:3].copy(), data.qpos[3:7].copy()
+        mujoco.mju_rotVecQuat(data.qpos[:3], at, self.turn)
+        mujoco.mju_mulQuat(data.qpos[3:7], self.turn, turned)
         mujoco.mj_forward(model, data)
         lift = max(-corner @ self.normal / self.normal[2] for corner in self._soles())
         data.qpos[2] += setup.drop_m + lift
@@ -114,15 +118,16 @@ class Plant:
 
     def _ground(self, setup: Setup) -> None:
         model, (pitch, roll) = self.model, setup.slope_rad
-        turn, about_y, about_x = np.zeros(4), np.zeros(4), np.zeros(4)
+        about_y, about_x = np.zeros(4), np.zeros(4)
+        self.turn = np.zeros(4)
         mujoco.mju_axisAngle2Quat(about_y, [0.0, 1.0, 0.0], pitch)
         mujoco.mju_axisAngle2Quat(about_x, [1.0, 0.0, 0.0], roll)
-        mujoco.mju_mulQuat(turn, about_y, about_x)
+        mujoco.mju_mulQuat(self.turn, about_y, about_x)
         at = model.geom_pos[self.ground].copy()
-        mujoco.mju_rotVecQuat(model.geom_pos[self.ground], at, turn)
-        model.geom_quat[self.ground] = turn
+        mujoco.mju_rotVecQuat(model.geom_pos[self.ground], at, self.turn)
+        model.geom_quat[self.ground] = self.turn
         self.normal = np.zeros(3)
-        mujoco.mju_rotVecQuat(self.normal, [0.0, 0.0, 1.0], turn)
+        mujoco.mju_rotVecQuat(self.normal, [0.0, 0.0, 1.0], self.turn)
         if not np.isnan(setup.friction):
             model.geom_friction[[*self.pads, self.ground], 0] = setup.friction
 

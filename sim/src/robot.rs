@@ -155,7 +155,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Builds the robot upright on straight legs, brakes on, `drop_m` above the ground.
+    /// Builds the robot on straight legs, square to the ground and `drop_m` above it, brakes on.
     pub fn new(config: &RobotConfig) -> Result<Self, RobotError> {
         config.validate()?;
         let mut robot = Self { model: Model::load(config)?, steps: 0, push: None };

@@ -29,7 +29,7 @@ pub const WHY: usize = 120;
 /// To the plant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum ToPlant {
-    /// Forget the robot there is; a new one stands upright on straight legs, brakes on.
+    /// Forget the robot there is; a new one stands on straight legs, square to the ground, brakes on.
     Setup(Setup),
     /// Do this for `dt_s`.
     Step(Step),

@@ -154,8 +154,8 @@ impl Model {
         }
     }
 
-    /// Tilts the ground about the origin, sets its friction, and lifts the robot until its lowest sole corner is
-    /// `drop_m` above it.
+    /// Tilts the ground about the origin and the robot with it, as rigid feet stand flat on a slope only if the legs are
+    /// square to it; sets the friction; and lifts the robot until its lowest sole corner is `drop_m` above the ground.
     fn set_ground(&mut self, config: &RobotConfig) {
         let tilt = ground_turn(config);
         self.ground_normal = tilt * Vector::Z;
@@ -169,6 +169,12 @@ impl Model {
         }
         for (_, collider) in self.world.colliders.iter_mut() {
             collider.set_active_hooks(ActiveHooks::empty());
+        }
+        for &handle in &self.bodies {
+            let body = &mut self.world.bodies[handle];
+            let (at, turned) = (tilt * body.translation(), tilt * *body.rotation());
+            body.set_translation(at, false);
+            body.set_rotation(turned, false);
         }
         let mut lift_m = 0.0f32;
         for (pad, collider) in self.pads.iter().zip(self.pad_colliders) {

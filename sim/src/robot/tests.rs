@@ -187,12 +187,16 @@ fn a_blow_up_is_its_own_verdict() {
 }
 
 #[test]
-fn the_robot_stands_on_a_gentle_slope() {
-    let slope = RobotConfig { slope_pitch_rad: -0.03, slope_roll_rad: 0.03, drop_m: 0.005, ..Default::default() };
+fn the_robot_is_set_down_on_a_slope_with_its_soles_flat() {
+    let slope = RobotConfig { slope_pitch_rad: -0.05, slope_roll_rad: 0.03, drop_m: 0.005, ..Default::default() };
     let mut robot = Robot::new(&slope).unwrap();
-    steps(&mut robot, 1.5);
-    assert_eq!(robot.health(), Health::Upright);
-    assert!((robot.lean_rad() - 0.042).abs() < 0.01, "{}", robot.lean_rad());
+    let leaning_rad = (0.05f32.cos() * 0.03f32.cos()).acos();
+    assert!((robot.lean_rad() - leaning_rad).abs() < 1e-3, "{}", robot.lean_rad());
+    for _ in 0..15 {
+        steps(&mut robot, 0.1);
+        assert!((robot.lean_rad() - leaning_rad).abs() < 0.01, "{}", robot.lean_rad());
+    }
+    assert!(robot.pad_loads_n().iter().all(|&load| load > 15.0), "{:?}", robot.pad_loads_n());
 }
 
 #[test]
