@@ -10,8 +10,9 @@
 //! which at 2 rad/s is 10 mrad.
 //!
 //! A push and a step look like a lean to the accelerometer, so it is believed at rest (τ = 0.3 s) and hardly while the
-//! trunk moves (3 s). At rest the gyro's mean is learned as its bias, or those 3 s would make a lean of it. For the first
-//! 0.3 s the gain is 20/s: a robot that starts tilted knows it before it may move.
+//! trunk moves (3 s). At rest the gyro's mean is learned as its bias, or those 3 s would make a lean of it; and while the
+//! gyro is steady, or a bias that has grown past what counts as rest would never be learned again. For the first 0.3 s the
+//! gain is 20/s: a robot that starts tilted knows it before it may move.
 
 mod arithmetic;
 
@@ -55,13 +56,15 @@ const REST_GATE: Range<u32> = gate(0.6);
 const REST_GYRO: u32 = (0.08 * 0.08 / (RADIANS_PER_COUNT * RADIANS_PER_COUNT)) as u32;
 /// … for this long.
 const REST_US: u32 = 100_000;
-/// Rest after which the gyro's bias is learned, and how fast.
+/// A gyro is steady within 0.05 rad/s of its own mean, in squared counts: a fall passes that at 0.1 rad/s.
+const STEADY_GYRO: u32 = (0.05 * 0.05 / (RADIANS_PER_COUNT * RADIANS_PER_COUNT)) as u32;
+/// Rest, or steadiness, after which the gyro's bias is learned, and how fast.
 const LEARN_AFTER_US: u32 = 300_000;
 const LEARNING: TimeConstant = TimeConstant::us(500_000);
 /// The largest bias, 0.35 rad/s, in counts · 2¹⁶: the zero-rate tolerance of such parts, 20°/s (MPU-6050, table of gyroscope
 /// specifications).
 const BIAS_MAX: i32 = (0.35 / RADIANS_PER_COUNT * 65536.0) as i32;
-/// The most that one sample may be off, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32 bits.
+/// The most that one sample may be off bias or mean, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32 bits.
 const OFF_MAX: i32 = 1 << 23;
 /// Of the slow rate.
 const LOW_PASS: TimeConstant = TimeConstant::us(21_200);
@@ -81,8 +84,12 @@ pub struct Attitude {
     gyro: [i16; 3],
     /// Of the gyro, counts · 2¹⁶.
     bias: [i32; 3],
-    /// Time at rest, µs; stops at [`LEARN_AFTER_US`].
+    /// Of the gyro over 0.3 s, counts · 2¹⁶.
+    mean: [i32; 3],
+    /// Time at rest, µs; stops at [`REST_US`].
     rest_us: u32,
+    /// Time at rest or with a steady gyro, µs; stops at [`LEARN_AFTER_US`].
+    steady_us: u32,
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
     slow: [i64; 2],
     /// Of that low-pass, with the interval it holds for, µs: a steady clock asks for the same one again and again.
@@ -105,7 +112,9 @@ impl Attitude {
             up: [0, 0, ONE],
             gyro: [0; 3],
             bias: [0; 3],
+            mean: [0; 3],
             rest_us: 0,
+            steady_us: 0,
             slow: [0; 2],
             gain: (0, 0),
             age_us: 0,
@@ -136,9 +145,10 @@ impl Attitude {
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
-        if self.rest_us == LEARN_AFTER_US {
+        if self.steady_us == LEARN_AFTER_US {
             self.learn(dt_us, sample.gyro);
         }
+        let steady = self.steady(dt_us, sample.gyro);
         let gyro = self.unbiased(sample.gyro);
         // The first sample has no interval behind it: it can only tell where gravity is.
         let mut up = match self.started {
@@ -149,12 +159,13 @@ impl Attitude {
         self.gyro = gyro;
 
         let (squared, turning) = (square(sample.accel), square(gyro));
-        let rests = turning < REST_GYRO && REST_GATE.contains(&squared);
-        self.rest_us = if rests { (self.rest_us + dt_us).min(LEARN_AFTER_US) } else { 0 };
+        let (still, rests) = (REST_GATE.contains(&squared), turning < REST_GYRO);
+        self.rest_us = if still & rests { (self.rest_us + dt_us).min(REST_US) } else { 0 };
+        self.steady_us = if still & (rests | steady) { (self.steady_us + dt_us).min(LEARN_AFTER_US) } else { 0 };
         if GATE.contains(&squared) {
             let tau = match self.settled() {
                 false => FAST,
-                true if self.rest_us >= REST_US => RESTING,
+                true if self.rest_us == REST_US => RESTING,
                 true => MOVING,
             };
             correct(&mut up, tau.share(dt_us), sample.accel);
@@ -195,9 +206,21 @@ impl Attitude {
         // Q16: at most 2622.
         let gain = LEARNING.share(dt_us) >> 14;
         for (bias, gyro) in self.bias.iter_mut().zip(gyro) {
-            let off = (i32::from(gyro) << 16).saturating_sub(*bias).clamp(-OFF_MAX, OFF_MAX);
-            *bias = (*bias + (((off >> 8) * gain) >> 8)).clamp(-BIAS_MAX, BIAS_MAX);
+            *bias = (*bias + share_of(off(gyro, *bias), gain)).clamp(-BIAS_MAX, BIAS_MAX);
         }
+    }
+
+    /// Follows the gyro's mean; whether this sample is near it.
+    fn steady(&mut self, dt_us: u32, gyro: [i16; 3]) -> bool {
+        // Q16: at most 4370.
+        let gain = RESTING.share(dt_us) >> 14;
+        let mut away = [0; 3];
+        for ((away, mean), gyro) in away.iter_mut().zip(&mut self.mean).zip(gyro) {
+            let off = off(gyro, *mean);
+            *mean += share_of(off, gain);
+            *away = (off >> 16) as i16;
+        }
+        square(away) < STEADY_GYRO
     }
 
     /// Up, rotated by the mean of two gyro samples: u + u×θ + ½(u×θ)×θ + ⅙((u×θ)×θ)×θ.
@@ -234,6 +257,16 @@ fn normalised(up: [i64; 3]) -> [i32; 3] {
     let squared: i64 = up.iter().map(|axis| arithmetic::square(*axis) >> 30).sum();
     let factor = ((3 * one - squared.min(2 * one)) / 2) as i32;
     up.map(|axis| ((times(axis, factor) + one / 2) >> 30).clamp(-one, one) as i32)
+}
+
+/// How far a gyro sample is from `from`, counts · 2¹⁶, at most [`OFF_MAX`].
+fn off(gyro: i16, from: i32) -> i32 {
+    (i32::from(gyro) << 16).saturating_sub(from).clamp(-OFF_MAX, OFF_MAX)
+}
+
+/// `off` · `gain`, of Q16 and at most 2¹⁵.
+fn share_of(off: i32, gain: i32) -> i32 {
+    ((off >> 8) * gain) >> 8
 }
 
 fn square(v: [i16; 3]) -> u32 {

@@ -4,7 +4,8 @@ use sarah_protocol::bus::{Mode, Motion};
 use sarah_protocol::fixed::Q16;
 
 use super::{
-    BIAS_MAX, FAST_FOR_US, GATE, ImuSample, LEARN_AFTER_US, MAX_STEP_US, OFF_MAX, REST_GATE, REST_GYRO, REST_US, square,
+    BIAS_MAX, FAST_FOR_US, GATE, ImuSample, LEARN_AFTER_US, MAX_STEP_US, OFF_MAX, REST_GATE, REST_GYRO, REST_US,
+    STEADY_GYRO, square,
 };
 
 const ONE: i64 = 1 << 30;
@@ -26,8 +27,12 @@ pub struct Plain {
     gyro: [i16; 3],
     /// Of the gyro, counts · 2¹⁶.
     bias: [i64; 3],
+    /// Of the gyro over 0.3 s, counts · 2¹⁶.
+    mean: [i64; 3],
     /// Time at rest, µs.
     rest_us: u64,
+    /// Time at rest or with a steady gyro, µs.
+    steady_us: u64,
     /// Low-passed \[sagittal, lateral\] rate, rad/s, Q32.
     slow: [i64; 2],
     /// Time since the first sample, µs; stops at [`FAST_FOR_US`].
@@ -38,19 +43,36 @@ pub struct Plain {
 impl Plain {
     /// Upright until the first samples say otherwise.
     pub const fn new() -> Self {
-        Plain { up: [0, 0, ONE], gyro: [0; 3], bias: [0; 3], rest_us: 0, slow: [0; 2], age_us: 0, started: false }
+        Plain {
+            up: [0, 0, ONE],
+            gyro: [0; 3],
+            bias: [0; 3],
+            mean: [0; 3],
+            rest_us: 0,
+            steady_us: 0,
+            slow: [0; 2],
+            age_us: 0,
+            started: false,
+        }
     }
 
     /// Takes a sample `dt_us` after the one before. Sequence and mode of the result are the caller's.
     pub fn update(&mut self, dt_us: u32, sample: &ImuSample) -> Motion {
         let dt_us = dt_us.min(MAX_STEP_US);
         // The first sample has no interval behind it: it can only tell where gravity is.
-        if self.rest_us >= u64::from(LEARN_AFTER_US) {
+        if self.steady_us >= u64::from(LEARN_AFTER_US) {
             let gain = (i64::from(dt_us) * ONE / LEARNING_US) >> 14;
             for (bias, gyro) in self.bias.iter_mut().zip(sample.gyro) {
                 let off = ((i64::from(gyro) << 16) - *bias).clamp(-i64::from(OFF_MAX), OFF_MAX.into());
                 *bias = (*bias + (((off >> 8) * gain) >> 8)).clamp(-i64::from(BIAS_MAX), BIAS_MAX.into());
             }
+        }
+        let gain = (i64::from(dt_us) * ONE / RESTING_US) >> 14;
+        let mut away = [0; 3];
+        for ((away, mean), gyro) in away.iter_mut().zip(&mut self.mean).zip(sample.gyro) {
+            let off = ((i64::from(gyro) << 16) - *mean).clamp(-i64::from(OFF_MAX), OFF_MAX.into());
+            *mean += ((off >> 8) * gain) >> 8;
+            *away = (off >> 16) as i16;
         }
         let mut gyro = sample.gyro;
         for (axis, bias) in gyro.iter_mut().zip(self.bias) {
@@ -64,8 +86,10 @@ impl Plain {
         self.gyro = gyro;
 
         let squared = square(sample.accel);
-        let rests = square(gyro) < REST_GYRO && REST_GATE.contains(&squared);
-        self.rest_us = if rests { self.rest_us + u64::from(dt_us) } else { 0 };
+        let (still, rests) = (REST_GATE.contains(&squared), square(gyro) < REST_GYRO);
+        let steady = square(away) < STEADY_GYRO;
+        self.rest_us = if still && rests { self.rest_us + u64::from(dt_us) } else { 0 };
+        self.steady_us = if still && (rests || steady) { self.steady_us + u64::from(dt_us) } else { 0 };
         if GATE.contains(&squared) {
             let tau = if self.age_us < FAST_FOR_US {
                 FAST_US

@@ -205,12 +205,29 @@ fn a_growing_bias_is_followed_to_the_parts_tolerance_and_no_further() {
 }
 
 #[test]
-fn a_turn_faster_than_rest_is_no_bias() {
+fn a_bias_that_grew_while_the_robot_moved_is_learned_when_it_rests() {
     let mut filter = Attitude::new();
-    for _ in 0..3000 {
-        filter.update(1_000, &biased(80));
+    // 0.15 rad/s, twice what counts as rest.
+    let motion = (0..3000).map(|_| filter.update(1_000, &biased(80))).last().expect("samples");
+    assert!(motion.rotation < Q16::lit(0.005), "{:?}", motion.rotation);
+}
+
+#[test]
+fn a_robot_that_rocks_or_falls_learns_no_bias() {
+    let mut filter = Attitude::new();
+    for n in 0..5000 {
+        // 0.2 rad/s at 1 Hz.
+        let gyro = 187.0 * (f64::from(n) * 1e-3 * core::f64::consts::TAU).sin();
+        filter.update(1_000, &ImuSample { accel: [0, 0, 2048], gyro: [0, gyro as i16, 0] });
+        assert!(filter.bias().iter().all(|bias| bias.abs() < 10), "{:?}", filter.bias());
     }
-    assert!(filter.update(1_000, &biased(80)).rotation > Q16::lit(0.12));
+    let mut filter = Attitude::new();
+    for n in 0..1000 {
+        // From 0.02 to 0.6 rad/s, as a pendulum of 0.8 m falls.
+        let gyro = 19.0 * (3.5 * f64::from(n) * 1e-3).exp();
+        filter.update(1_000, &ImuSample { accel: [0, 0, 2048], gyro: [0, gyro as i16, 0] });
+    }
+    assert!(filter.bias()[1].abs() < 25, "{:?}", filter.bias());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use sarah_protocol::telemetry::Telemetry;
 
-use super::observation::rate_rad_s;
+use super::observation::unbiased_rate_rad_s;
 use super::reward::{DISTURBED_RAD_S, Deed, FREQUENCY_WINDOW_S};
 
 /// Rotation below which the trunk counts as quiet, rad/s.
@@ -78,7 +78,7 @@ impl Judge {
         self.pose = pose;
         let mut idle = true;
         for frame in telemetry {
-            let spin = rate_rad_s(frame).iter().map(|w| w * w).sum::<f32>().sqrt();
+            let spin = unbiased_rate_rad_s(frame).iter().map(|w| w * w).sum::<f32>().sqrt();
             let stepping = frame.phases[0] != 0;
             idle &= !stepping;
             self.ticks += 1;
@@ -168,4 +168,20 @@ impl Judge {
 
 fn mean(values: &[f32]) -> Option<f32> {
     (!values.is_empty()).then(|| values.iter().sum::<f32>() / values.len() as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bias_that_is_known_disturbs_nobody() {
+        // 250 counts are 0.27 rad/s.
+        let seen = |gyro_bias| Telemetry { gyro: [250, 0, 0], gyro_bias, ..Telemetry::default() };
+        for (frame, disturbed) in [(seen([250, 0, 0]), 0.0), (seen([0; 3]), 1.0)] {
+            let mut judge = Judge::new(0.0);
+            judge.saw(0.01, Pose::default(), &[frame]);
+            assert_eq!(judge.decide(1.0).disturbed, disturbed);
+        }
+    }
 }

@@ -26,9 +26,15 @@ pub fn acceleration_m_s2(telemetry: &Telemetry) -> [f32; 3] {
     telemetry.accel.map(|count| count as f32 * ACCEL_M_S2_PER_COUNT)
 }
 
-/// Angular rate in rad/s, body axes.
+/// Angular rate in rad/s, body axes, as the gyro has it.
 pub fn rate_rad_s(telemetry: &Telemetry) -> [f32; 3] {
     telemetry.gyro.map(|count| count as f32 * GYRO_RAD_S_PER_COUNT)
+}
+
+/// The same without the bias that the coordinator has learned.
+pub fn unbiased_rate_rad_s(telemetry: &Telemetry) -> [f32; 3] {
+    let unbiased = |axis: usize| f32::from(telemetry.gyro[axis]) - f32::from(telemetry.gyro_bias[axis]);
+    [0, 1, 2].map(|axis| unbiased(axis) * GYRO_RAD_S_PER_COUNT)
 }
 
 /// Pad loads in N: left heel, left toe, right heel, right toe.
@@ -40,7 +46,7 @@ pub fn loads_n(telemetry: &Telemetry) -> [f32; 4] {
 /// about 100 N, 0.3 rad of joint, 50 mm. Lean has the finest: ground that falls away by 3° is all that it shows of it.
 fn channels(telemetry: &Telemetry) -> [f32; CHANNELS] {
     let [ax, ay, az] = acceleration_m_s2(telemetry);
-    let [gx, gy, gz] = rate_rad_s(telemetry);
+    let [gx, gy, gz] = unbiased_rate_rad_s(telemetry);
     let [l0, l1, l2, l3] = loads_n(telemetry).map(|n| n / 100.0 - 1.0);
     let [sagittal, lateral] = telemetry.lean.map(|lean| lean.to_f32() / 0.05);
     let [abd_l, hip_l, knee_l, abd_r, hip_r, knee_r] = telemetry.joints.map(|q| q.to_f32());
