@@ -56,7 +56,9 @@ const REST_GATE: Range<u32> = gate(0.6);
 const REST_GYRO: u32 = (0.08 * 0.08 / (RADIANS_PER_COUNT * RADIANS_PER_COUNT)) as u32;
 /// … for this long.
 const REST_US: u32 = 100_000;
-/// A gyro is steady within 0.05 rad/s of its own mean, in squared counts: a fall passes that at 0.1 rad/s.
+/// Of the gyro's mean.
+const MEAN: TimeConstant = TimeConstant::us(300_000);
+/// A gyro is steady within 0.05 rad/s of that mean, in squared counts: a fall passes that at 0.1 rad/s.
 const STEADY_GYRO: u32 = (0.05 * 0.05 / (RADIANS_PER_COUNT * RADIANS_PER_COUNT)) as u32;
 /// Rest, or steadiness, after which the gyro's bias is learned, and how fast.
 const LEARN_AFTER_US: u32 = 300_000;
@@ -64,7 +66,8 @@ const LEARNING: TimeConstant = TimeConstant::us(500_000);
 /// The largest bias, 0.35 rad/s, in counts · 2¹⁶: the zero-rate tolerance of such parts, 20°/s (MPU-6050, table of gyroscope
 /// specifications).
 const BIAS_MAX: i32 = (0.35 / RADIANS_PER_COUNT * 65536.0) as i32;
-/// The most that one sample may be off bias or mean, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32 bits.
+/// The most that one sample may be off bias or mean, 128 counts · 2¹⁶: a robot at rest stays below, and products fit 32
+/// bits.
 const OFF_MAX: i32 = 1 << 23;
 /// Of the slow rate.
 const LOW_PASS: TimeConstant = TimeConstant::us(21_200);
@@ -213,7 +216,7 @@ impl Attitude {
     /// Follows the gyro's mean; whether this sample is near it.
     fn steady(&mut self, dt_us: u32, gyro: [i16; 3]) -> bool {
         // Q16: at most 4370.
-        let gain = RESTING.share(dt_us) >> 14;
+        let gain = MEAN.share(dt_us) >> 14;
         let mut away = [0; 3];
         for ((away, mean), gyro) in away.iter_mut().zip(&mut self.mean).zip(gyro) {
             let off = off(gyro, *mean);

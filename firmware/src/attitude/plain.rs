@@ -14,6 +14,7 @@ const RATE: i64 = super::RATE as i64;
 const ACCELERATION: u64 = super::ACCELERATION as u64;
 const MOVING_US: i64 = 3_000_000;
 const RESTING_US: i64 = 300_000;
+const MEAN_US: i64 = 300_000;
 const LEARNING_US: i64 = 500_000;
 const FAST_US: i64 = 50_000;
 const RATE_US: i64 = 21_200;
@@ -67,7 +68,7 @@ impl Plain {
                 *bias = (*bias + (((off >> 8) * gain) >> 8)).clamp(-i64::from(BIAS_MAX), BIAS_MAX.into());
             }
         }
-        let gain = (i64::from(dt_us) * ONE / RESTING_US) >> 14;
+        let gain = (i64::from(dt_us) * ONE / MEAN_US) >> 14;
         let mut away = [0; 3];
         for ((away, mean), gyro) in away.iter_mut().zip(&mut self.mean).zip(sample.gyro) {
             let off = ((i64::from(gyro) << 16) - *mean).clamp(-i64::from(OFF_MAX), OFF_MAX.into());
