@@ -10,9 +10,8 @@
 //!      (CycleEnd)                        (LiftOff when the foot unloads or has been pulled up, Touchdown when it loads)
 //! ```
 //!
-//! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them; once the robot is
-//! calm they recover, one after the other, in cycles that are no steps: a short leg grows back to rest where it stands, which
-//! levels the trunk, then a small cycle brings hip and abductor home, again if the ground cut it short.
+//! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them, until they come home
+//! (`recovery.rs`).
 
 use heapless::Vec;
 use sarah_protocol::bus::{GaitEvent, Side};
@@ -22,6 +21,7 @@ use sarah_protocol::params::ParamSet;
 use super::Drive;
 use super::arithmetic::covers;
 use super::fall::Fall;
+use super::recovery::Recovery;
 use super::rules::KNEE;
 
 /// P1–P3 in fixed point.
@@ -104,18 +104,7 @@ pub struct Knee {
     stepped_before: bool,
     steps: u32,
     cycle: u32,
-    /// Legs that stepped and have not recovered since.
-    displaced: [bool; 2],
-    /// For so long the robot has been calm; saturates.
-    calm_us: u32,
-    /// For so long it must have been before the next recovery.
-    patience_us: u32,
-    /// A recovery was made since the last step.
-    recovering: bool,
-    /// How many.
-    recoveries: u8,
-    /// In this one the leg grows where it stands.
-    straightens: bool,
+    recovery: Recovery,
     /// Stroke below which the swing foot has left the ground.
     lifted_at: Q16,
     /// Since the swing leg was pulled up, until the pads told of it: as late, or later, they will tell of touchdown.
@@ -145,12 +134,7 @@ impl Knee {
             stepped_before: false,
             steps: 0,
             cycle: 0,
-            displaced: [false; 2],
-            calm_us: 0,
-            patience_us: KNEE.calm_us,
-            recovering: false,
-            recoveries: 0,
-            straightens: false,
+            recovery: Recovery::home(),
             lifted_at: Q16::ZERO,
             late_us: 0,
             unloaded: false,
@@ -200,11 +184,7 @@ impl Knee {
         let loaded = [left > KNEE.loaded_n, right > KNEE.loaded_n];
 
         if self.phase == Phase::Idle {
-            // Only a robot with legs to bring back has to know for how long it has been calm.
-            if self.displaced[0] | self.displaced[1] {
-                let calm = inputs.fall.calm & inputs.may_start & loaded[0] & loaded[1];
-                self.calm_us = if calm { self.calm_us.saturating_add(inputs.dt_us) } else { 0 };
-            }
+            self.recovery.watch(inputs.fall.calm & inputs.may_start & loaded[0] & loaded[1], inputs.dt_us);
             if !self.stood & inputs.may_start {
                 self.stand(loaded, inputs);
             }
@@ -244,32 +224,19 @@ impl Knee {
         };
         self.kick_height = KNEE.kick_fraction.times(self.step);
         self.lifted_at = inputs.position[swing as usize] - KNEE.lift;
-        // A recovery that upsets the robot so that it steps again must not become a habit.
-        if self.recovering && !recovers {
-            self.patience_us = match self.phase_us < KNEE.calm_us || self.displaced != [false; 2] {
-                true => self.patience_us.saturating_mul(2).min(KNEE.patience_us),
-                false => KNEE.calm_us,
-            };
-        }
-        self.recovering = recovers;
-        self.recoveries = if recovers { self.recoveries.saturating_add(1) } else { 0 };
-        // A leg that is short tilts the trunk, which would fall onto it as soon as it is lifted: first it grows under load.
-        self.straightens = recovers && inputs.position[swing as usize] < -KNEE.home;
         match recovers {
-            true => self.displaced[swing as usize] = self.straightens && self.recoveries < KNEE.recoveries,
-            // A step turns both legs.
-            false => self.displaced = [true; 2],
+            true => self.recovery.begin(swing, inputs.position[swing as usize]),
+            false => self.recovery.step(self.phase_us),
         }
         (self.lifted, self.airborne) = (false, false);
         (self.late_us, self.waited_us) = (0, 0);
         // A leg that is not pulled up needs no word of its pads before they are believed.
-        self.unloaded = self.straightens;
+        self.unloaded = self.recovery.straightens();
         // A recovery tidies up; it is no step.
         self.counted = recovers;
         self.stepped_before = true;
-        self.calm_us = 0;
         self.cycle = self.cycle.wrapping_add(1);
-        self.enter(if self.straightens { Phase::Extend } else { Phase::Kick });
+        self.enter(if self.recovery.straightens() { Phase::Extend } else { Phase::Kick });
     }
 
     /// A tick within a cycle: what drives the swing leg, whose foot is `grounded`. A state that ends here hands over to
@@ -304,11 +271,10 @@ impl Knee {
             self.enter(Phase::Extend);
         }
         let landed = grounded && self.lifted;
-        // The ground came early: hip and abductor have stopped on their way home.
-        if landed && self.recovering && position < -KNEE.home && self.recoveries < KNEE.recoveries {
-            self.displaced[self.swing as usize] = true;
+        if landed {
+            self.recovery.land(self.swing, position);
         }
-        let (speed, limit_us) = match self.straightens {
+        let (speed, limit_us) = match self.recovery.straightens() {
             true => (KNEE.straighten, KNEE.straighten_at_most_us),
             false if grounded => (KNEE.touchdown_speed.min(params.extend), KNEE.stroke_us),
             false => (params.extend, KNEE.stroke_us),
@@ -360,7 +326,7 @@ impl Knee {
 
     /// Whether the leg may grow longer than at rest to find the ground.
     fn reaches(&self, grounded: bool, fall: &Fall) -> bool {
-        self.lifted && !grounded && fall.falls && !self.recovering
+        self.lifted && !grounded && fall.falls && !self.recovery.runs()
     }
 
     /// The leg to swing if a cycle starts now, and what for.
@@ -376,14 +342,7 @@ impl Knee {
                 };
                 Some((swing, GaitEvent::CycleStart))
             }
-            [true, true] if self.calm_us >= KNEE.straighten_us => {
-                // The shorter leg first: it is the one that tilts the trunk. To grow is gentle and needs no patience.
-                let [left, right] = inputs.position;
-                let shorter = if left < right { Side::Left } else { Side::Right };
-                let due = [shorter, shorter.other()].into_iter().find(|side| self.displaced[*side as usize])?;
-                let short = inputs.position[due as usize] < -KNEE.home;
-                (short || self.calm_us >= self.patience_us).then_some((due, GaitEvent::Recovery))
-            }
+            [true, true] => self.recovery.due(inputs.position).map(|side| (side, GaitEvent::Recovery)),
             [left, right] if left != right && fall.chains && self.phase_us >= KNEE.chain_dwell_us => {
                 let towards = fall.left != left;
                 let swing = if left { Side::Right } else { Side::Left };
