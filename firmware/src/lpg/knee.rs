@@ -1,7 +1,7 @@
 //! LPG1: the linear actuators (paper, Fig. 3). It owns the cycle and raises the flags the other two follow.
 //!
 //! ```text
-//!          both feet loaded, Factor > 0.07, rested          kick height or time
+//!          both feet loaded*, Factor > 0.07, rested         kick height or time
 //!   Idle ──────────────────────────────────────────▶ Kick ─────────────────────▶ Retract
 //!   ▲ │   one foot loaded, ξ high, rested longer    (CycleStart or Recovery)        │ −Step
 //!   │ │   calm, a leg away from rest                                                ▼
@@ -9,6 +9,7 @@
 //!   └──────────────── at rest height, or loaded again and still falling ─────────────┘
 //!      (CycleEnd)                        (LiftOff when the foot unloads or has been pulled up, Touchdown when it loads)
 //! ```
+//! * or one that has just landed, if the fall is sagittal.
 //!
 //! Every state has a time-out; at most one step is counted per cycle. Legs stay where a step put them, until they come home
 //! (`recovery.rs`).
@@ -332,7 +333,13 @@ impl Knee {
     /// The leg to swing if a cycle starts now, and what for.
     fn start(&self, loaded: [bool; 2], inputs: &KneeInputs) -> Option<(Side, GaitEvent)> {
         let fall = inputs.fall;
-        match loaded {
+        let mut stands = loaded;
+        // A robot that rocks on its heels or toes lifts a foot again by the millimetres that its leg is short of rest. The
+        // foot is there to fall on, so the other may step; in a chain it would be the turn of the foot that just stepped.
+        if fall.sagittal && self.lifted && !self.airborne && self.phase_us < KNEE.chain_dwell_us {
+            stands[self.swing as usize] = true;
+        }
+        match stands {
             [true, true] if fall.starts && self.phase_us >= KNEE.dwell_us => {
                 let fresh = !self.stepped_before || self.phase_us > KNEE.fresh_us;
                 let swing = match (fresh, fall.left) {

@@ -52,6 +52,26 @@ fn a_chained_step_goes_to_the_side_of_the_fall_or_answers_a_sagittal_one() {
     }
 }
 
+#[test]
+fn a_foot_that_has_just_landed_stands_though_a_sagittal_fall_lifts_it_again() {
+    for (lean, other_steps) in [([0.3, 0.0], true), ([0.0, 0.3], false)] {
+        for dt in RATES {
+            let mut rig = Rig::new(dt);
+            rig.motion = motion(1.0, lean);
+            rig.run(|r| r.knee.phase() == Phase::Retract);
+            let first = rig.knee.swing();
+            rig.load[first as usize] = AIR;
+            rig.run(|r| r.knee.phase() == Phase::Extend);
+            rig.load = [LOADED; 2];
+            rig.run(|r| r.knee.phase() == Phase::Idle);
+            rig.load[first as usize] = AIR;
+            // In a chain it would step itself.
+            rig.run(|r| r.knee.phase() != Phase::Idle);
+            assert_eq!(rig.knee.swing() == first.other(), other_steps, "{lean:?} at {dt} µs");
+        }
+    }
+}
+
 /// A rig whose swing foot has left the ground and is on its way down.
 fn extending(dt_us: u32) -> (Rig, usize) {
     let mut rig = Rig::new(dt_us);
