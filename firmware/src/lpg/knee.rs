@@ -3,7 +3,7 @@
 //! ```text
 //!          both feet loaded*, Factor > 0.07, rested         kick height or time
 //!   Idle ──────────────────────────────────────────▶ Kick ─────────────────────▶ Retract
-//!   ▲ │   one foot loaded, ξ high, rested longer    (CycleStart or Recovery)        │ −Step
+//!   ▲ │   one foot loaded, ξ high                   (CycleStart or Recovery)        │ −Step
 //!   │ │   calm, a leg away from rest                                                ▼
 //!   │ └── calm, a leg short of rest (Recovery) ──────────────────────────────────▶ Extend
 //!   └──────────────── at rest height, or loaded again and still falling ─────────────┘
@@ -350,13 +350,22 @@ impl Knee {
                 Some((swing, GaitEvent::CycleStart))
             }
             [true, true] => self.recovery.due(inputs.position).map(|side| (side, GaitEvent::Recovery)),
-            [left, right] if left != right && fall.chains && self.phase_us >= KNEE.chain_dwell_us => {
-                let towards = fall.left != left;
-                let swing = if left { Side::Right } else { Side::Left };
-                (towards || fall.sagittal).then_some((swing, GaitEvent::CycleStart))
-            }
-            _ => None,
+            [true, false] => self.start_on(Side::Left, fall),
+            [false, true] => self.start_on(Side::Right, fall),
+            [false, false] => None,
         }
+    }
+
+    /// The same while one foot carries alone.
+    fn start_on(&self, carries: Side, fall: &Fall) -> Option<(Side, GaitEvent)> {
+        let outward = fall.left == (carries == Side::Left) && !fall.sagittal;
+        let (swing, starts) = match outward {
+            // A chain: the foot in the air is where the fall goes.
+            false => (carries.other(), fall.chains && self.phase_us >= KNEE.chain_dwell_us),
+            // Over the outer edge of the foot that carries. The other cannot get there, so the robot hops.
+            true => (carries, fall.starts && fall.lifts && self.phase_us >= KNEE.dwell_us),
+        };
+        starts.then_some((swing, GaitEvent::CycleStart))
     }
 
     /// Follows the swing foot's load, raises the flags, counts the step.

@@ -3,7 +3,7 @@
 use sarah_firmware::lpg::Drive;
 use sarah_firmware::lpg::knee::Phase;
 use sarah_firmware::lpg::rules::KNEE;
-use sarah_protocol::bus::{GaitEvent, Motion};
+use sarah_protocol::bus::{GaitEvent, Motion, Side};
 use sarah_protocol::fixed::Q16;
 
 use crate::rig::{AIR, HELD, LOADED, PUSHED, RATES, Rig, motion, names};
@@ -49,6 +49,22 @@ fn a_chained_step_goes_to_the_side_of_the_fall_or_answers_a_sagittal_one() {
         rig.load = [AIR, LOADED];
         rig.motion = motion(1.0, lean);
         assert_eq!(!rig.tick().events.is_empty(), starts, "{lean:?}");
+    }
+}
+
+#[test]
+fn a_robot_that_tips_over_the_outer_edge_of_one_foot_hops_on_it() {
+    for (lean, load, leg) in [(0.3, [LOADED, AIR], Side::Left), (-0.3, [AIR, LOADED], Side::Right)] {
+        for dt in RATES {
+            let mut rig = Rig::new(dt);
+            rig.load = load;
+            rig.motion = motion(1.0, [0.0, lean / 2.0]);
+            assert!(rig.tick().events.is_empty(), "the foot holds it");
+            rig.motion = motion(1.0, [0.0, lean]);
+            rig.run(|r| r.knee.phase() == Phase::Retract);
+            assert_eq!(rig.knee.swing(), leg, "{lean:?} at {dt} µs");
+            assert_eq!(rig.knee.phase(), Phase::Retract);
+        }
     }
 }
 
