@@ -20,7 +20,8 @@ pub struct KneeRules {
     pub dwell_us: u32,
     /// An ordinary start needs ξ ahead beyond one of these: short of them the feet hold the robot.
     pub start_xi: [Q16; 2],
-    /// Rest before a chained start from one foot: the other needs time to land.
+    /// Rest before a chained start from one foot: the other needs time to land. For as long, one that has landed in a
+    /// sagittal fall counts as standing.
     pub chain_dwell_us: u32,
     /// A chained start needs |ξ| above this …
     pub chain_xi: Q16,
@@ -34,7 +35,7 @@ pub struct KneeRules {
     pub kick_fraction: Q16,
     /// The kick is cut off after this.
     pub kick_us: u32,
-    /// A foot that alone carries the robot after the kick is lifted only with ξ ahead beyond one of these.
+    /// A foot that alone carries the robot, after the kick or to hop, is lifted only with ξ ahead beyond one of these.
     pub lift_xi: [Q16; 2],
     /// A foot whose leg is this much shorter than when the cycle began has left the ground, whatever the pads say: they
     /// give 4 mm.
