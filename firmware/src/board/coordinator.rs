@@ -10,7 +10,7 @@
 //! The coordinator belongs to the control task alone, so nothing is locked. The IMU comes first in every turn: what a
 //! host says, however much, is parsed when the motion is out, and at most [`HOST_BYTES`] of it in a turn.
 //!
-//! The library runs as in the simulator, in the same order; only the shell around it is ours. A task is a plain function
+//! The library is the simulator's; only the shell around it is ours. A task is a plain function
 //! over the peripherals; the board gives it its place, as tasks of an executor cannot be generic.
 
 use embassy_futures::select::select3;
@@ -264,6 +264,8 @@ pub async fn bus<P: Port>(mut can: Can<P>) {
                 unsent = Some(frame);
                 break;
             }
+            // A bus that takes anything lives, however full the queue.
+            full_since = None;
         }
         full_since = unsent.as_ref().map(|_| full_since.unwrap_or_else(Instant::now));
         if full_since.is_some_and(|since| since.elapsed() >= STALE) {

@@ -8,7 +8,7 @@
 //! | claim | no other live writer | becomes the writer |
 //! | everything else | the claim | see [`Command`] |
 
-use sarah_protocol::bus::HaltReason;
+use sarah_protocol::bus::{HaltReason, NodeId};
 use sarah_protocol::frame::Header;
 use sarah_protocol::host::{
     AckState, Command, MessageError, NotReady, ParamsReport, Refusal, Report, ToHost, ToRobot, Which,
@@ -64,13 +64,22 @@ impl Coordinator {
             _ => self.writer.check(request.session)?,
         }
         match *command {
-            Command::Release => self.writer.release(request.session)?,
-            Command::Arm { boot_nonce } => self.arm(boot_nonce, host)?,
+            Command::Release => {
+                self.writer.release(request.session)?;
+                self.telemetry_period_us = self.config.telemetry_period_us;
+            }
+            // A repeated word has had its effect: what stopped the robot since then holds.
+            Command::Arm { .. } | Command::ClearEStop if self.carried_out == Some(request) => {}
+            Command::Arm { boot_nonce } => {
+                self.arm(boot_nonce, host)?;
+                self.carried_out = Some(request);
+            }
             Command::Disarm => self.halt(HaltReason::Disarmed, bus, host),
             Command::ClearEStop => {
                 if self.safety.clear() {
                     self.event(Event::EStopCleared, host);
                 }
+                self.carried_out = Some(request);
             }
             Command::Stage { generation, params } => return self.generations.stage(generation, params, request),
             Command::Commit { generation } => return self.generations.commit(generation, request),
@@ -109,7 +118,8 @@ impl Coordinator {
         if !self.imu_seen || self.imu_age.reached(self.config.imu_silence_us) || !self.attitude.settled() {
             return Err(NotReady::Imu);
         }
-        if let Some(node) = self.nodes.missing() {
+        let unfit = || NodeId::ALL.into_iter().find(|node| self.nodes.unfit(*node));
+        if let Some(node) = self.nodes.missing().or_else(unfit) {
             return Err(NotReady::Node(node));
         }
         if self.generations.settled(&self.nodes) { Ok(()) } else { Err(NotReady::Generations) }

@@ -59,6 +59,8 @@ struct Slot {
     set: Generation,
     /// `None`: the coordinator's own.
     request: Option<Request>,
+    /// A host's set, be it that the coordinator stages it again.
+    of_host: bool,
     phase: Phase,
     in_phase: Age,
     retry: Age,
@@ -107,8 +109,8 @@ pub struct Generations {
     newest: u32,
     stored: ParamSet,
     slot: Option<Slot>,
-    /// A set of the coordinator's own that waits for a free slot.
-    wanted: Option<ParamSet>,
+    /// A set that the coordinator stages itself as soon as the slot is free, and whether it is a host's.
+    wanted: Option<(ParamSet, bool)>,
     pause: Age,
     apart: Age,
 }
@@ -124,7 +126,7 @@ impl Generations {
             newest: 0,
             stored,
             slot: None,
-            wanted: (stored != default).then_some(stored),
+            wanted: (stored != default).then_some((stored, false)),
             pause: Age::NEVER,
             apart: Age::default(),
         }
@@ -191,7 +193,7 @@ impl Generations {
         }
         let set = ParamSet::new(params).map_err(Refusal::Params)?;
         self.applied.params.check_change(&set).map_err(Refusal::Params)?;
-        self.begin(number, set, Some(request));
+        self.begin(number, set, Some(request), true);
         Ok(AckState::Received)
     }
 
@@ -216,11 +218,13 @@ impl Generations {
         })
     }
 
-    /// Back to the stored set at the next chance.
-    pub fn fall_back(&mut self) {
-        if self.wanted.is_none() && self.slot.as_ref().is_none_or(|slot| slot.request.is_some()) {
-            self.wanted = Some(self.stored);
+    /// Back to the stored set at the next chance. False while the coordinator stages something else.
+    pub fn fall_back(&mut self) -> bool {
+        let free = self.wanted.is_none() && self.slot.as_ref().is_none_or(|slot| slot.request.is_some());
+        if free {
+            self.wanted = Some((self.stored, false));
         }
+        free
     }
 
     /// A node restarted: whatever was being staged is gone from it, and so is the applied set.
@@ -233,21 +237,23 @@ impl Generations {
     /// Empties the slot; a set of the coordinator's own is tried again later, under a new number.
     fn give_up(&mut self) {
         if let Some(slot) = self.slot.take().filter(|slot| slot.request.is_none()) {
-            self.wanted = Some(slot.set.params);
+            self.wanted = Some((slot.set.params, slot.of_host));
         }
         self.pause.reset();
     }
 
     fn recover(&mut self) {
         self.slot = None;
-        self.wanted = Some(if self.applied.number == 0 { self.stored } else { self.applied.params });
+        let built_in = self.applied.number == 0;
+        self.wanted = Some(if built_in { (self.stored, false) } else { (self.applied.params, self.applied_by_host) });
     }
 
-    fn begin(&mut self, number: u32, params: ParamSet, request: Option<Request>) {
+    fn begin(&mut self, number: u32, params: ParamSet, request: Option<Request>, of_host: bool) {
         self.newest = number;
         self.slot = Some(Slot {
             set: Generation { number, params },
             request,
+            of_host,
             phase: Phase::Staging { answered: [false; 3] },
             in_phase: Age::default(),
             retry: Age::NEVER,
@@ -303,7 +309,7 @@ impl Generations {
         }
         let news = slot.news(Outcome::Applied { cycle });
         self.applied = slot.set;
-        self.applied_by_host = slot.request.is_some();
+        self.applied_by_host = slot.of_host;
         self.applied_cycle = cycle;
         self.applied_age.reset();
         self.apart.reset();
@@ -360,12 +366,12 @@ impl Generations {
             self.apart.reset();
             return None;
         }
-        if let Some(params) = self.wanted {
+        if let Some((params, of_host)) = self.wanted {
             if !self.pause.due(AGAIN_US) {
                 return None;
             }
             self.wanted = None;
-            self.begin(self.newest.wrapping_add(1), params, None);
+            self.begin(self.newest.wrapping_add(1), params, None, of_host);
             return self.slot.as_ref().map(|slot| slot.news(Outcome::Restaging));
         }
         let behind = nodes.without(self.applied.number);

@@ -82,6 +82,8 @@ pub struct Coordinator {
     split: bool,
     staging_failed: bool,
     storing: Option<Storing>,
+    /// The word carried out last that lets the robot move or a stop be forgotten.
+    carried_out: Option<Request>,
     deframer: Deframer,
     frame_errors: u32,
     sequence: u16,
@@ -113,6 +115,7 @@ impl Coordinator {
             split: false,
             staging_failed: false,
             storing: None,
+            carried_out: None,
             deframer: Deframer::new(),
             frame_errors: 0,
             sequence: 0,
@@ -178,6 +181,9 @@ impl Coordinator {
                 }
                 let news = self.generations.on_status(node, &status, &self.nodes);
                 self.report(news, bus, host);
+                if self.safety.mode() == Mode::Armed && self.nodes.unfit(node) {
+                    self.halt(HaltReason::NodeFault, bus, host);
+                }
             }
             _ => {}
         }
@@ -276,11 +282,12 @@ impl Coordinator {
     fn watch_host(&mut self, dt_us: u32, host: &mut HostOutbox) {
         if self.writer.advance(dt_us, self.config.writer_lapse_us) {
             self.event(Event::WriterLapsed, host);
+            // The next host does not know what this one asked for.
+            self.telemetry_period_us = self.config.telemetry_period_us;
         }
         let silent = self.writer.silence().reached(self.config.host_fallback_us);
         if silent && !self.fell_back && self.generations.on_host_set() {
-            self.generations.fall_back();
-            self.fell_back = true;
+            self.fell_back = self.generations.fall_back();
         }
         self.fell_back &= silent && self.generations.on_host_set();
     }

@@ -1,9 +1,12 @@
 //! What the coordinator knows of the three nodes.
 
-use sarah_protocol::bus::{NodeId, Status};
+use sarah_protocol::bus::{NodeId, Status, limits};
 use sarah_protocol::telemetry::Event;
 
 use super::age::Age;
+
+/// After so many status messages in a row, a tenth of a second, a node without positions or still halted is unfit.
+const UNFIT: u8 = 10;
 
 /// One node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -11,6 +14,8 @@ struct Health {
     status: Option<Status>,
     silence: Age,
     alive: bool,
+    /// Status messages in a row that told of missing positions or of a latched halt.
+    unfit: u8,
 }
 
 /// All three, by [`NodeId`].
@@ -20,7 +25,7 @@ pub struct Nodes([Health; 3]);
 impl Nodes {
     /// None heard yet.
     pub const fn new() -> Self {
-        Nodes([Health { status: None, silence: Age::NEVER, alive: false }; 3])
+        Nodes([Health { status: None, silence: Age::NEVER, alive: false, unfit: 0 }; 3])
     }
 
     /// `dt_us` passed.
@@ -46,7 +51,9 @@ impl Nodes {
         let node = self.0.get_mut(id as usize)?;
         let restarted = node.status.is_some_and(|before| before.boot_nonce != status.boot_nonce);
         let back = node.status.is_some() && !node.alive;
-        *node = Health { status: Some(*status), silence: Age::default(), alive: true };
+        let unfit =
+            if status.limits & (limits::SENSOR | limits::HALTED) == 0 { 0 } else { node.unfit.saturating_add(1) };
+        *node = Health { status: Some(*status), silence: Age::default(), alive: true, unfit };
         if restarted {
             Some(Event::NodeRestarted(id))
         } else if back {
@@ -54,6 +61,11 @@ impl Nodes {
         } else {
             None
         }
+    }
+
+    /// It cannot take part: for a tenth of a second its positions have been missing, or a halt has held it.
+    pub fn unfit(&self, id: NodeId) -> bool {
+        self.0.get(id as usize).is_some_and(|node| node.unfit >= UNFIT)
     }
 
     /// A silent node, if any.

@@ -17,6 +17,7 @@
 use sarah_protocol::bus::{HaltReason, Mode};
 
 use super::age::Age;
+use crate::lpg::rules::KNEE;
 
 /// Motion messages that must say braked after a halt.
 const BRAKED_MOTIONS: u8 = 3;
@@ -25,6 +26,7 @@ const REPEAT_US: u32 = 100_000;
 
 /// The longest cycle: kick, retraction and extension, each at its time-out, µs.
 const FINISH_US: u32 = 1_100_000;
+const _: () = assert!(KNEE.kick_us + 2 * KNEE.stroke_us <= FINISH_US && KNEE.straighten_at_most_us <= FINISH_US);
 
 /// The arming.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

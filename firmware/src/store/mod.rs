@@ -27,6 +27,8 @@ use record::{Record, WRITTEN};
 pub const SIZE: usize = 2 * ROW;
 /// Complete attempts at one write before it is given up.
 pub const ATTEMPTS: u8 = 3;
+/// Steps, of a millisecond or so, until a memory that stays busy is taken for broken: the slowest erasure takes 200.
+const WAIT_AT_MOST: u16 = 1000;
 
 /// One of the two places.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -160,6 +162,8 @@ struct Job {
     kept: Kept,
     phase: Phase,
     attempts: u8,
+    /// Steps in a row that found the memory busy.
+    waited: u16,
 }
 
 /// The two slots and the write under way.
@@ -201,7 +205,7 @@ impl Store {
         let sequence = self.current.map_or(1, |(_, sequence)| sequence.wrapping_add(1));
         let kept = Kept { sequence, generation, build };
         let record = Record::new(set, &kept);
-        self.job = Some(Job { record, slot: self.target, kept, phase: Phase::Erase, attempts: 1 });
+        self.job = Some(Job { record, slot: self.target, kept, phase: Phase::Erase, attempts: 1, waited: 0 });
         true
     }
 
@@ -219,7 +223,7 @@ impl Store {
             }
             Err(_) if job.attempts < ATTEMPTS => {
                 job.attempts += 1;
-                job.phase = Phase::Erase;
+                (job.phase, job.waited) = (Phase::Erase, 0);
                 Step::Busy
             }
             Err(why) => {
@@ -233,8 +237,10 @@ impl Store {
 impl Job {
     fn step(&mut self, flash: &mut impl Flash) -> Result<bool, WriteError> {
         if !flash.idle().map_err(|_| WriteError::Fault)? {
-            return Ok(false);
+            self.waited += 1;
+            return if self.waited < WAIT_AT_MOST { Ok(false) } else { Err(WriteError::Fault) };
         }
+        self.waited = 0;
         let next = match self.phase {
             // Always erased, also when it reads blank: an erasure that was cut off may only look complete.
             Phase::Erase => {

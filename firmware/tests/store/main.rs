@@ -331,3 +331,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_memory_that_stays_busy_fails_the_write_instead_of_holding_it_up_for_ever() {
+    let mut flash = Model::blank();
+    let (mut store, _) = load(&flash);
+    assert!(store.write(&set(7), 7, BUILD));
+    flash.busy = u32::MAX;
+    let mut steps = 0;
+    let end = loop {
+        steps += 1;
+        match store.step(&mut flash) {
+            Step::Busy => assert!(steps < 10_000),
+            end => break end,
+        }
+    };
+    assert_eq!(end, Step::Failed { generation: 7, why: WriteError::Fault });
+    flash.busy = 0;
+    assert!(store.write(&set(8), 8, BUILD));
+    assert_eq!(finish(&mut store, &mut flash), stored(8));
+}

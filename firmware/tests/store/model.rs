@@ -22,7 +22,7 @@ pub struct Model {
     written: Vec<bool>,
     /// Polls until an operation ends.
     pub latency: u32,
-    busy: u32,
+    pub busy: u32,
     /// Operations started since power-up.
     pub operations: usize,
     /// Power goes during this operation.

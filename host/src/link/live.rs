@@ -263,7 +263,10 @@ impl Pump {
                     Ok(())
                 }
                 Ask::Arm => session.arm(),
-                Ask::Disarm => session.disarm(),
+                Ask::Disarm => {
+                    session.disarm();
+                    Ok(())
+                }
                 Ask::EStop => {
                     session.e_stop();
                     Ok(())

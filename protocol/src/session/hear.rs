@@ -114,6 +114,15 @@ impl HostSession {
             self.changing = Some(Pending { answered: true, ..changing });
             return self.on_change(&ack.state, news);
         }
+        if let Some(disarm) = self.disarm.take_if(|disarm| disarm.sequence == ack.request) {
+            self.measure(now_us, &disarm);
+            if refusal == Some(Refusal::NotClaimed) && self.writer {
+                // Said again under the next claim.
+                self.disarm = Some(Pending { answered: true, ..disarm });
+                return self.greet();
+            }
+            return news(outcome(Command::Disarm, refusal));
+        }
         let Some(pending) = self.pending.filter(|pending| pending.sequence == ack.request) else {
             // A duplicate; or what an earlier copy of the change has come to.
             if refusal.is_none() {
@@ -147,7 +156,7 @@ impl HostSession {
 
     fn finish(&mut self, command: Command, refusal: Option<Refusal>, news: &mut impl FnMut(News)) {
         self.pending = None;
-        news(refusal.map_or(News::Done(command), |refusal| News::Refused(command, refusal)));
+        news(outcome(command, refusal));
     }
 
     fn on_change(&mut self, state: &AckState, news: &mut impl FnMut(News)) {
@@ -190,4 +199,8 @@ impl HostSession {
             self.stats.round_trip(now_us.saturating_sub(*sent));
         }
     }
+}
+
+fn outcome(command: Command, refusal: Option<Refusal>) -> News {
+    refusal.map_or(News::Done(command), |refusal| News::Refused(command, refusal))
 }

@@ -52,8 +52,10 @@ pub struct HostSession {
     deframer: Deframer,
     sequence: u16,
     stop: Option<Pending>,
+    /// A lane of its own: nothing that waits for its answer holds a disarm up.
+    disarm: Option<Pending>,
     pending: Option<Pending>,
-    /// The change's own lane: waiting for a boundary must not hold up a disarm.
+    /// The change's own lane: waiting for a boundary must not hold up the rest.
     changing: Option<Pending>,
     queue: Deque<Command, 8>,
     change: Option<Change>,
@@ -77,6 +79,7 @@ impl HostSession {
             deframer: Deframer::new(),
             sequence: 0,
             stop: None,
+            disarm: None,
             pending: None,
             changing: None,
             queue: Deque::new(),
@@ -165,17 +168,17 @@ impl HostSession {
         }
     }
 
-    /// Brakes now.
-    pub fn disarm(&mut self) -> Result<(), NotNow> {
-        self.forget_arming();
-        self.queue.push_front(Command::Disarm).map_err(|_| NotNow::Full)
+    /// Brakes now, ahead of whatever waits for its answer.
+    pub fn disarm(&mut self) {
+        self.forget_waiting(|command| matches!(command, Command::Arm { .. }));
+        self.disarm = Some(self.number(ToRobot::Command(Command::Disarm)));
     }
 
     /// Emergency stop: ahead of everything, in any state, without a claim.
     pub fn e_stop(&mut self) {
         self.stop = Some(self.number(ToRobot::EStop));
-        // An arming that still waits must not follow the stop.
-        self.forget_arming();
+        // Neither an arming nor a clearing of before may follow the stop.
+        self.forget_waiting(unsafe_after_a_silence);
     }
 
     /// Unlatches the emergency stop; the robot stays braked until armed.
@@ -214,6 +217,12 @@ impl HostSession {
         }
         if self.state != State::Greeting && now_us.saturating_sub(self.heard_us) > SILENCE_US {
             self.greet();
+        }
+        if self.state == State::Open
+            && let Some(disarm) = &mut self.disarm
+            && let Some(bytes) = send(disarm, self.session, now_us, &mut self.stats)
+        {
+            return Some(bytes);
         }
         if self.pending.is_none()
             && let Some(message) = self.next_message(now_us)
@@ -256,6 +265,8 @@ impl HostSession {
             }
             // A stop that is repeated because its answer was lost must not arrive after the word that clears it.
             State::Open if self.stop.is_some() && self.queue.front() == Some(&Command::ClearEStop) => None,
+            // Nor a disarm after the word that arms.
+            State::Open if self.disarm.is_some() && matches!(self.queue.front(), Some(Command::Arm { .. })) => None,
             State::Open => self.queue.pop_front().map(ToRobot::Command),
         }
     }
@@ -276,8 +287,8 @@ impl HostSession {
         }
     }
 
-    /// Back to the beginning. An unanswered request goes back in front, except an arming: nobody expects motion from a
-    /// word spoken before a silence.
+    /// Back to the beginning. An unanswered request goes back in front, but none that lets the robot move: nobody expects
+    /// motion from a word spoken before a silence.
     fn greet(&mut self) {
         self.state = State::Greeting;
         self.changing = None;
@@ -290,10 +301,11 @@ impl HostSession {
             // Full: the newer requests are kept.
             let _ = self.queue.push_front(command);
         }
-        self.forget_arming();
+        self.forget_waiting(unsafe_after_a_silence);
     }
 
     fn forget(&mut self, sequence: u16) {
+        self.disarm = None;
         self.pending = None;
         self.changing = None;
         self.queue.clear();
@@ -306,10 +318,15 @@ impl HostSession {
         self.stats.received(sequence);
     }
 
-    fn forget_arming(&mut self) {
-        self.queue.retain(|command| !matches!(command, Command::Arm { .. }));
-        self.pending.take_if(|pending| matches!(pending.message, ToRobot::Command(Command::Arm { .. })));
+    fn forget_waiting(&mut self, which: impl Fn(&Command) -> bool) {
+        self.queue.retain(|command| !which(command));
+        self.pending.take_if(|pending| matches!(&pending.message, ToRobot::Command(command) if which(command)));
     }
+}
+
+/// Words that let the robot move, or a stop be forgotten: they hold for the moment they are spoken in.
+fn unsafe_after_a_silence(command: &Command) -> bool {
+    matches!(command, Command::Arm { .. } | Command::ClearEStop)
 }
 
 fn send(pending: &mut Pending, session: u16, now_us: u64, stats: &mut LinkStats) -> Option<Bytes> {

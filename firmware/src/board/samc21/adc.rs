@@ -18,6 +18,7 @@ use super::regs::dmac::{Lvl, triggers};
 use super::wiring::{ANALOGUE, INPUTS};
 use crate::calibration::{Calibration, Counts};
 use crate::node::Sensors;
+use sarah_protocol::fixed::Q16;
 
 /// The DMA channel of the scan.
 const DMA_CHANNEL: u8 = 0;
@@ -35,10 +36,14 @@ fn adc() -> MmioAdc<'static> {
 /// Where the factory noted the converter's bias: NVM software calibration area, word at +0: BIASREFBUF 0–2, BIASCOMP 3–5.
 const FACTORY_CALIBRATION: *const u32 = 0x0080_6020 as *const u32;
 
+/// After so many scans in a row that did not finish, 10 ms, there are no positions.
+const BLIND_AFTER: u32 = 100;
+
 /// Scans the inputs of a node.
 pub struct Scanner {
     dma: dma::Channel,
     latest: Sensors,
+    /// Scans in a row that were not finished in time.
     missed: u32,
 }
 
@@ -95,23 +100,23 @@ impl Scanner {
         adc().write_swtrig(SwTrig::ZERO.with_start(true));
     }
 
-    /// The scan begun last, or the one before if it is not finished.
+    /// The scan begun last, or the one before if it is not finished; after [`BLIND_AFTER`] of those, positions that cannot be.
     #[inline]
     pub fn collect(&mut self, calibration: &Calibration) -> &Sensors {
         if self.dma.is_done() {
             // SAFETY: the scan is done, so nothing writes the buffer until the next begins.
             let [left, right, pads @ ..] = unsafe { *RESULTS.0.get() };
             self.latest = calibration.sensors(&Counts { position: [left, right], load: pads });
+            self.missed = 0;
         } else {
-            self.missed = self.missed.wrapping_add(1);
+            self.missed = self.missed.saturating_add(1);
+            if self.missed > BLIND_AFTER {
+                // No position at all rather than an old one: the node tells, and the robot is halted.
+                self.latest.position = [Q16::MAX; 2];
+            }
             // Whatever is stuck in the converter must not count as the first input of the next scan.
             adc().write_swtrig(SwTrig::ZERO.with_flush(true));
         }
         &self.latest
-    }
-
-    /// Scans that were not finished in time; wraps.
-    pub fn missed(&self) -> u32 {
-        self.missed
     }
 }

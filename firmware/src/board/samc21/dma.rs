@@ -61,6 +61,9 @@ pub fn start() {
     dmac.write_ctrl(levels.with_dmaenable(true));
 }
 
+/// A beat under way takes some cycles; a channel is asked so often whether it has stopped.
+const STOP_POLLS: u32 = 32;
+
 /// One channel. Whoever makes it owns it.
 pub struct Channel {
     number: u8,
@@ -126,7 +129,9 @@ impl Channel {
             // One that is done has stopped by itself.
             if dmac.read_chctrla().enable() {
                 dmac.write_chctrla(ChCtrlA::ZERO);
-                while dmac.read_chctrla().enable() {}
+                // The control tick comes by here: a channel that does not stop must not stop the tick, and is told by
+                // scans that never finish.
+                let _ = (0..STOP_POLLS).any(|_| !dmac.read_chctrla().enable());
             }
             dmac.write_chintflag(ChInterrupts::ZERO.with_terr(true).with_tcmpl(true).with_susp(true));
             dmac.write_chctrla(ChCtrlA::ZERO.with_enable(true));

@@ -192,6 +192,114 @@ fn a_restarted_node_halts_and_gets_the_applied_set_back() {
     rig.session.arm().expect("connected");
     rig.run(50);
     assert!(rig.moving());
+    // It is still the host's: with the host gone it gives way to the stored one.
+    rig.host_connected = false;
+    rig.run(3_000);
+    assert!(rig.telemetry().stale);
+    rig.run(9_000);
+    assert_eq!(rig.applied_everywhere().map(|(_, set)| set), Some(default_set()));
+    assert!(rig.moving());
+}
+
+#[test]
+fn a_node_without_positions_halts_the_robot_and_keeps_it_from_being_armed() {
+    let mut rig = Rig::armed(config());
+    rig.nodes[1].limits = limits::SENSOR;
+    rig.run(60);
+    assert!(rig.moving(), "a glitch is bridged");
+    rig.run(60);
+    assert!(!rig.moving());
+    assert!(rig.events().contains(&Event::Halted(HaltReason::NodeFault)));
+    rig.session.arm().expect("connected");
+    rig.run(50);
+    use sarah_protocol::host::NotReady;
+    assert_eq!(rig.refusals(), [Refusal::NotReady(NotReady::Node(NodeId::Hip))]);
+    rig.nodes[1].limits = 0;
+    rig.run(50);
+    rig.session.arm().expect("connected");
+    rig.run(50);
+    assert!(rig.moving());
+}
+
+#[test]
+fn a_node_that_stays_halted_halts_the_others() {
+    let mut rig = Rig::armed(config());
+    rig.nodes[2].halted = true;
+    rig.run(150);
+    assert!(!rig.nodes[0].moving() && !rig.nodes[1].moving());
+    rig.run(500);
+    assert!(!rig.nodes.iter().any(|node| node.halted), "braked motion messages have unlatched it");
+    rig.session.arm().expect("connected");
+    rig.run(150);
+    assert!(rig.moving());
+}
+
+#[test]
+fn a_repeated_arming_does_not_undo_what_stopped_the_robot_since_the_first() {
+    let mut rig = Rig::armed(config());
+    let arm = Command::Arm { boot_nonce: NONCE };
+    rig.command(1, 900, arm);
+    rig.command(1, 901, Command::Disarm);
+    rig.command(1, 900, arm);
+    assert_eq!(rig.acks(), [AckState::Received; 3]);
+    assert_eq!(rig.coordinator.mode(), Mode::Braked);
+    rig.command(1, 902, arm);
+    assert_eq!(rig.coordinator.mode(), Mode::Armed);
+}
+
+#[test]
+fn a_repeated_clearance_does_not_clear_a_stop_that_came_after_the_first() {
+    let mut rig = Rig::armed(config());
+    rig.host_bytes(&ToRobot::EStop.encode(1, 900).expect("fits"));
+    rig.command(1, 901, Command::ClearEStop);
+    assert_eq!(rig.telemetry().faults & faults::E_STOP, 0);
+    rig.host_bytes(&ToRobot::EStop.encode(99, 1).expect("fits"));
+    rig.command(1, 901, Command::ClearEStop);
+    assert_ne!(rig.telemetry().faults & faults::E_STOP, 0);
+    rig.command(1, 902, Command::ClearEStop);
+    assert_eq!(rig.telemetry().faults & faults::E_STOP, 0);
+}
+
+#[test]
+fn a_stop_outlives_a_clearance_asked_for_before_it() {
+    let mut rig = Rig::armed(config());
+    rig.session.clear_e_stop().expect("connected");
+    rig.session.e_stop();
+    rig.run(300);
+    assert_ne!(rig.telemetry().faults & faults::E_STOP, 0);
+}
+
+#[test]
+fn a_stop_outlives_a_clearance_that_a_silence_swallowed() {
+    let mut rig = Rig::armed(config());
+    rig.session.e_stop();
+    rig.run(50);
+    rig.session.clear_e_stop().expect("connected");
+    let lost = rig.session.poll(rig.host_us);
+    assert!(lost.is_some());
+    rig.host_connected = false;
+    rig.run(2_000);
+    rig.host_connected = true;
+    rig.run(1_000);
+    assert_ne!(rig.telemetry().faults & faults::E_STOP, 0, "a word from before the silence");
+}
+
+#[test]
+fn the_telemetry_rate_a_host_asked_for_goes_with_it() {
+    let mut rig = Rig::armed(config());
+    rig.session.set_telemetry(1).expect("connected");
+    rig.run(50);
+    let frames = |rig: &mut Rig, millis| {
+        rig.news.clear();
+        rig.run(millis);
+        rig.news.iter().filter(|news| matches!(news, News::Telemetry(_))).count()
+    };
+    assert!(frames(&mut rig, 3_000) <= 4);
+    rig.host_connected = false;
+    rig.run(3_000);
+    rig.host_connected = true;
+    rig.run(500);
+    assert!(frames(&mut rig, 1_000) >= 50);
 }
 
 #[test]
@@ -230,10 +338,24 @@ fn a_disarm_brakes_at_once_even_while_a_commit_waits() {
     rig.nodes[0].in_cycle = true;
     rig.session.apply(&other_set(0.1)).expect("free");
     rig.run(100);
-    rig.session.disarm().expect("connected");
+    rig.session.disarm();
     rig.run(3);
     assert!(!rig.moving());
     assert!(rig.events().contains(&Event::Halted(HaltReason::Disarmed)));
+}
+
+#[test]
+fn a_disarm_brakes_at_once_whatever_waits_for_its_answer() {
+    let mut rig = Rig::armed(config());
+    rig.session.apply(&other_set(0.1)).expect("free");
+    rig.run(200);
+    rig.store_hangs = true;
+    rig.session.persist().expect("connected");
+    rig.run(50);
+    while rig.session.get_params(Which::Stored).is_ok() {}
+    rig.session.disarm();
+    rig.run(3);
+    assert!(!rig.moving());
 }
 
 #[test]

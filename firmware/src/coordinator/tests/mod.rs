@@ -5,8 +5,8 @@ mod promises;
 mod real_nodes;
 mod stranger;
 
-use sarah_protocol::bus::{Gait, GaitEvent, NodeId, Side, Staged, Status};
-use sarah_protocol::host::{Command, HelloReply, Report, ToHost, VERSION};
+use sarah_protocol::bus::{Gait, GaitEvent, NodeId, Side, Staged, Status, limits};
+use sarah_protocol::host::{Command, HelloReply, Report, ToHost, VERSION, Which};
 use sarah_protocol::params::SPECS;
 use sarah_protocol::schema::schema_hash;
 use sarah_protocol::session::{HostSession, News};
@@ -29,6 +29,8 @@ pub struct FakeNode {
     deaf_to_boundary: bool,
     refuse: bool,
     halted: bool,
+    /// Reported beside the latched halt.
+    limits: u16,
     mode: Mode,
     halts: Vec<HaltReason>,
 }
@@ -48,6 +50,7 @@ impl FakeNode {
             deaf_to_boundary: false,
             refuse: false,
             halted: false,
+            limits: 0,
             mode: Mode::Braked,
             halts: Vec::new(),
         }
@@ -124,7 +127,7 @@ impl FakeNode {
                 cycle: self.cycle,
                 applied: self.applied.0,
                 staged: self.staged.map(|staged| staged.0),
-                limits: 0,
+                limits: self.limits | if self.halted { limits::HALTED } else { 0 },
                 boot_nonce: self.nonce,
             },
         ));
@@ -146,6 +149,7 @@ pub struct Rig {
     pub imu: bool,
     pub host_connected: bool,
     pub store_works: bool,
+    pub store_hangs: bool,
     pub stored: Option<(ParamSet, u32)>,
     /// Every generation the nodes ran at the same moment.
     pub seen: Vec<[u32; 3]>,
@@ -195,6 +199,7 @@ impl Rig {
             imu: true,
             host_connected: true,
             store_works: true,
+            store_hangs: false,
             stored: None,
             seen: vec![],
             lossy: 0,
@@ -292,9 +297,10 @@ impl Rig {
         }
         if let Some(Action::Store(params, generation)) = self.coordinator.tick(self.now, &mut self.bus, &mut self.host)
         {
-            self.stored = Some((params, generation)).filter(|_| self.store_works);
-            let works = self.store_works;
-            self.coordinator.on_stored(generation, works, &mut self.host);
+            self.stored = Some((params, generation)).filter(|_| self.store_works && !self.store_hangs);
+            if !self.store_hangs {
+                self.coordinator.on_stored(generation, self.store_works, &mut self.host);
+            }
         }
         let now = self.nodes.each_ref().map(|node| node.applied.0);
         if self.seen.last() != Some(&now) {

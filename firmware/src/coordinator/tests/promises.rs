@@ -1,6 +1,6 @@
 //! The promises of the protocol that need both ends.
 
-use sarah_protocol::host::{Hello, Which};
+use sarah_protocol::host::Hello;
 use sarah_protocol::session::{SessionError, State};
 
 use super::*;

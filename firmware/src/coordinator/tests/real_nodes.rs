@@ -77,8 +77,10 @@ fn real_nodes_take_the_stored_set_at_boot_and_arm() {
 fn real_nodes_halt_and_are_released_by_the_next_arming() {
     let mut robot = robot(Config { arm_at_boot: true, ..config() });
     robot.run(1_000);
-    let send = |robot: &mut Robot, message: ToRobot| {
-        let bytes = message.encode(1, 1).expect("fits");
+    let mut sequence = 0;
+    let mut send = |robot: &mut Robot, message: ToRobot| {
+        sequence += 1;
+        let bytes = message.encode(1, sequence).expect("fits");
         robot.coordinator.on_host_bytes(robot.now, &bytes, &mut robot.bus, &mut robot.host);
     };
     send(&mut robot, ToRobot::EStop);

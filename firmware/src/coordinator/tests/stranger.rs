@@ -39,7 +39,7 @@ fn command(which: u8, generation: u32) -> Command {
         7 => Command::Persist { generation },
         8 => Command::SetTelemetry { rate_hz: 50 },
         9 => Command::Heartbeat { host_us: generation },
-        10 => Command::GetParams(sarah_protocol::host::Which::Staged),
+        10 => Command::GetParams(Which::Staged),
         _ => Command::Stage { generation, params: [f32::NAN; 13] },
     }
 }
@@ -120,7 +120,7 @@ proptest! {
                 2 => rig.imu ^= true,
                 3 => rig.host_connected ^= true,
                 4 => rig.session.e_stop(),
-                5 => drop(rig.session.disarm()),
+                5 => rig.session.disarm(),
                 6 => drop(rig.session.clear_e_stop()),
                 7 => drop(rig.session.apply(&other_set(0.01 * millis as f32 / 40.0))),
                 _ => rig.nodes[0].in_cycle ^= true,
