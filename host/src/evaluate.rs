@@ -167,7 +167,8 @@ pub fn run_episode(
     let mut auditor = if let Watch::Odometry(_) = watch { Some(Auditor::new()?) } else { None };
     let origin = robot.pose().position_m;
     let (mut paper, mut gated) = (0.0, 0.0);
-    let horizon = ((episode.duration_s - episode.settle_s) / DECISION_S).max(1.0);
+    let mut decisions = 0.0_f32;
+    let horizon = ((episode.duration_s - episode.settle_s) / DECISION_S).max(1.0).floor();
     let mut second: Vec<Telemetry> = vec![];
     let slices_per_decision = (DECISION_S * 1e6) as u64 / SLICE_US;
     let mut slices = 0;
@@ -196,6 +197,7 @@ pub fn run_episode(
         slices += 1;
         if slices % slices_per_decision == 0 && health == Health::Upright {
             let deed = judge.decide(now_s);
+            decisions += 1.0;
             paper += deed.reward(RewardForm::Paper);
             gated += deed.reward(RewardForm::Gated);
         }
@@ -224,8 +226,9 @@ pub fn run_episode(
             brakes: energy.brakes_j as f32,
             compute: energy.compute_j as f32,
         },
-        reward_paper: paper / horizon.floor(),
-        reward_gated: gated / horizon.floor(),
+        // Slices may make one decision more than whole seconds do.
+        reward_paper: paper / horizon.max(decisions),
+        reward_gated: gated / horizon.max(decisions),
     })
 }
 

@@ -77,7 +77,7 @@ pub struct Trainer {
     noise: Noise,
     replay: Replay,
     episode: u64,
-    /// Worlds skipped because their simulation failed.
+    /// Worlds of the next episode skipped because their simulation failed.
     spoilt: u64,
     /// Gradient steps put off by the warm-up.
     owed_updates: usize,
@@ -173,6 +173,7 @@ impl Trainer {
     pub fn store(&mut self, played: Played) -> EpisodeLog {
         let Played { number, episode, noise, mu_mean, value_mean } = played;
         let seed = self.world();
+        self.spoilt = 0;
         self.noise = noise;
         let decisions = episode.rewards.len();
         let return_sum = episode.rewards.iter().sum::<f32>();

@@ -177,10 +177,10 @@ mod tests {
 
     fn report() -> RunReport {
         let learner = |name: &str, gain: f64| {
-            let before: Vec<Vec<f64>> = (0..5).map(|_| (0..50).map(f64::from).collect()).collect();
-            let after: Vec<Vec<f64>> =
-                before.iter().map(|seed| seed.iter().map(|reward| reward + gain).collect()).collect();
-            LearnerReport::new(name, &before, &after, 1).unwrap()
+            let rewards = |gain: f64| -> Vec<Vec<Option<f64>>> {
+                (0..5).map(|_| (0..50).map(|reward| Some(f64::from(reward) + gain)).collect()).collect()
+            };
+            LearnerReport::new(name, &rewards(0.0), &rewards(gain), 1).unwrap()
         };
         RunReport {
             info: RunInfo {

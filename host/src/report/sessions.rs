@@ -48,15 +48,24 @@ pub enum Verdict {
 
 impl LearnerReport {
     /// Compares rewards after and before training: for each seed, one reward per evaluation episode, both on the
-    /// same pushes. `rng_seed` seeds the bootstrap.
-    pub fn new(learner: &str, before: &[Vec<f64>], after: &[Vec<f64>], rng_seed: u64) -> Result<Self, BootstrapError> {
-        let [all_before, all_after] = [before, after].map(|seeds| seeds.concat());
+    /// same pushes; `None` where the simulation failed. `rng_seed` seeds the bootstrap.
+    pub fn new(
+        learner: &str,
+        before: &[Vec<Option<f64>>],
+        after: &[Vec<Option<f64>>],
+        rng_seed: u64,
+    ) -> Result<Self, BootstrapError> {
+        let [all_before, all_after] =
+            [before, after].map(|seeds| seeds.iter().flatten().flatten().copied().collect::<Vec<f64>>());
         let paired = before.len() == after.len() && before.iter().zip(after).all(|(b, a)| b.len() == a.len());
         if !paired {
             return Err(BootstrapError::Unpaired { after: all_after.len(), before: all_before.len() });
         }
-        let differences: Vec<Vec<Option<f64>>> =
-            after.iter().zip(before).map(|(a, b)| a.iter().zip(b).map(|(a, b)| Some(a - b)).collect()).collect();
+        let differences: Vec<Vec<Option<f64>>> = after
+            .iter()
+            .zip(before)
+            .map(|(a, b)| a.iter().zip(b).map(|(a, b)| Some((*a)? - (*b)?)).collect())
+            .collect();
         Ok(Self {
             learner: learner.into(),
             seeds: after.len() as u32,
@@ -83,13 +92,19 @@ mod tests {
 
     #[test]
     fn a_gain_of_every_seed_is_learning_and_no_gain_is_not() {
-        let before: Vec<Vec<f64>> =
-            (0..5).map(|seed| (0..50).map(|i| f64::from(i * 7 % 50 + seed)).collect()).collect();
-        let gained: Vec<Vec<f64>> =
-            before.iter().map(|seed| seed.iter().map(|reward| reward + 1.0).collect()).collect();
-        let verdict = |after: &[Vec<f64>]| LearnerReport::new("eNAF", &before, after, 1).unwrap().verdict();
+        let before: Vec<Vec<Option<f64>>> =
+            (0..5).map(|seed| (0..50).map(|i| Some(f64::from(i * 7 % 50 + seed))).collect()).collect();
+        let gained: Vec<Vec<Option<f64>>> =
+            before.iter().map(|seed| seed.iter().map(|reward| Some((*reward)? + 1.0)).collect()).collect();
+        let verdict = |after: &[Vec<Option<f64>>]| LearnerReport::new("eNAF", &before, after, 1).unwrap().verdict();
         assert_eq!(verdict(&gained), Verdict::Learned);
         assert_eq!(verdict(&before), Verdict::Undecided);
         assert!(LearnerReport::new("eNAF", &before, &gained[1..], 1).is_err());
+        // An episode that the simulation failed counts on neither side.
+        let mut holed = before.clone();
+        holed[0][0] = None;
+        let report = LearnerReport::new("eNAF", &before, &holed, 1).unwrap();
+        assert_eq!(report.evaluated, 249);
+        assert_eq!(report.difference.map(|difference| difference.estimate), Some(0.0));
     }
 }

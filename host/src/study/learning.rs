@@ -147,8 +147,7 @@ fn arm_row(
     let form = arm.arm.config.reward;
     let sessions = || arm.chains.iter().filter_map(|(_, sessions)| sessions.get(index));
     let gained = |sessions: &Vec<SessionData>| {
-        // What the session began with is what the one before it ended with.
-        let before = index.checked_sub(1).map_or(&arm.start, |before| &sessions[before].judged);
+        let before = index.checked_sub(1).map_or(&arm.start[..], |before| sessions[before].handed_on());
         sessions.get(index).map(|data| differences(&data.judged, before, form))
     };
     let gain = mean_difference(&arm.chains.iter().filter_map(|(_, sessions)| gained(sessions)).collect::<Vec<_>>());
@@ -190,7 +189,7 @@ pub fn median_seed<'a>(arm: &'a ArmData) -> Option<(u64, &'a [f32])> {
     let form = arm.arm.config.reward;
     let ranked = arm.chains.iter().filter_map(|(seed, sessions)| sessions.last().map(|last| (*seed, last)));
     let mut ranked: Vec<(f64, u64, &[f32])> = ranked
-        .filter_map(|(seed, last)| Some((mean(&rewards(&last.judged, form))?, seed, last.set.as_slice())))
+        .filter_map(|(seed, last)| Some((mean(&rewards(last.handed_on(), form))?, seed, last.set.as_slice())))
         .collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     ranked.get(ranked.len().saturating_sub(1) / 2).map(|(_, seed, set)| (*seed, *set))
@@ -243,6 +242,7 @@ mod tests {
                 set: vec![reward],
                 judged: vec![result(reward, Outcome::Survived)],
                 held: vec![],
+                handed_on: vec![],
             }]
         };
         let chains = [(1, 0.5), (2, 0.125), (3, 0.25), (4, 0.75)].map(|(seed, reward)| (seed, judged(reward)));

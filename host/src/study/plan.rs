@@ -21,14 +21,13 @@ use toml::Table;
 
 use super::StudyError;
 use super::file::{ConditionFile, ControllerArm, ControllerName, EvaluationFile, MethodArm, StudyFile, TrainingFile};
-use crate::enaf::Form;
 use crate::evaluate::Controller;
 use crate::link::sim::SimRobot;
 use crate::overrides::overridden;
 use crate::run::load_param_set;
 use crate::task::action::Scope;
 use crate::task::robots::Robots;
-use crate::train::{Method, TrainConfig};
+use crate::train::TrainConfig;
 
 /// Seeds of judging.
 pub const JUDGE_SEED: u64 = 1 << 61;
@@ -122,12 +121,9 @@ pub struct Learner {
 }
 
 impl Learner {
-    /// Whether its agent acts by itself in the end, and is judged a second time as what it does on average.
+    /// Whether its agent acts by itself in the end, and is judged also as what it does on average and as what it hands on.
     pub fn acts(&self) -> bool {
-        self.config.methods.iter().filter(|method| matches!(method, Method::Enaf | Method::EnafPaper)).any(|method| {
-            let enaf = self.config.enaf_for(*method);
-            enaf.form == Form::Paper || enaf.residual_after.is_some()
-        })
+        self.config.methods.iter().any(|method| self.config.acts(*method))
     }
 }
 

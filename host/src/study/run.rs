@@ -193,6 +193,10 @@ impl Worker<'_> {
                 Some(policy) => self.judge(plan, arm, &Controller::Constants(training.habit(policy)?), name)?,
                 None => vec![],
             };
+            let handed_on = match &trained.policy {
+                Some(_) => self.judge(plan, arm, &Controller::Constants(trained.constants), name)?,
+                None => vec![],
+            };
             let metrics = read_metrics(&place.join("metrics.csv"))?;
             let column = |name| metrics.numbers(name).unwrap_or_default();
             sessions.push(SessionData {
@@ -202,6 +206,7 @@ impl Worker<'_> {
                 set: trained.constants.values().to_vec(),
                 judged: self.judge(plan, arm, &controller, name)?,
                 held,
+                handed_on,
             });
             base = trained.constants;
         }

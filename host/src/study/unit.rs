@@ -56,6 +56,16 @@ pub struct SessionData {
     /// Of an agent whose action depends on the state: the set that it does on average, held, on the same pushes.
     #[serde(default)]
     pub held: Vec<EpisodeResult>,
+    /// Of such an agent: the set that it hands on, on the same pushes.
+    #[serde(default)]
+    pub handed_on: Vec<EpisodeResult>,
+}
+
+impl SessionData {
+    /// What the set is worth that it hands on.
+    pub fn handed_on(&self) -> &[EpisodeResult] {
+        if self.handed_on.is_empty() { &self.judged } else { &self.handed_on }
+    }
 }
 
 impl Unit {
@@ -93,7 +103,7 @@ impl Unit {
         match (*self, plan) {
             (Unit::Cell(cell), Plan::Evaluation(plan)) => plan.conditions[cell.condition].episodes,
             (Unit::Chain { arm, .. }, Plan::Training(plan)) => {
-                let judged = u64::from(plan.judged_episodes) * if plan.arms[arm].acts() { 2 } else { 1 };
+                let judged = u64::from(plan.judged_episodes) * if plan.arms[arm].acts() { 3 } else { 1 };
                 (u64::from(plan.episodes) + judged) * plan.sessions.len() as u64
             }
             (Unit::Start { .. }, Plan::Training(plan)) => plan.judged_episodes.into(),

@@ -16,9 +16,11 @@ use crate::link::sim::{LinkError, SLICE_US, SimRobot};
 /// Time between two decisions, s (paper, §II.C).
 pub const DECISION_S: f32 = 1.0;
 
-/// The simulation, not the robot, failed: such an episode teaches nothing.
+/// An episode that teaches nothing: the simulation failed, or the robot fell before the first decision.
 #[derive(Debug, Error)]
-#[error("the simulation failed at {at_s:.2} s ({health:?}); the episode was dropped")]
+#[error(
+    "no episode came about at {at_s:.2} s ({health:?}): is the robot able to stand, with this slope, payload and drop?"
+)]
 pub struct BrokenWorld {
     /// When.
     pub at_s: f32,

@@ -279,6 +279,13 @@ impl TrainConfig {
         Ok(TrainConfig { scenario_as_run: Some(self.train_scenario()?), start_as_run, ..self.clone() })
     }
 
+    /// Whether a method's agent acts by itself in the end; otherwise it hands on a set and nothing else.
+    pub fn acts(&self, method: Method) -> bool {
+        let enaf = self.enaf_for(method);
+        let learns = matches!(method, Method::Enaf | Method::EnafPaper);
+        learns && (enaf.form == Form::Paper || enaf.residual_after.is_some())
+    }
+
     /// The agent's configuration for a method.
     pub fn enaf_for(&self, method: Method) -> EnafConfig {
         match method {

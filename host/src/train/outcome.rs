@@ -33,8 +33,9 @@ const POSES: usize = 7;
 
 /// Episodes that judging will take.
 pub fn episodes(config: &TrainConfig) -> u64 {
-    let chains = config.seeds * config.methods.len() as u64;
-    let sessions = (1 + chains * 3) * u64::from(config.judged_episodes);
+    // A chain whose agent acts is judged once more, by the sets that it hands on.
+    let judgements: u64 = config.methods.iter().map(|method| if config.acts(*method) { 2 } else { 1 }).sum();
+    let sessions = (1 + config.seeds * judgements * 3) * u64::from(config.judged_episodes);
     let controllers = config.methods.len() as u64 + 2;
     let grid = u64::from(DIRECTIONS * config.grid_repeats) * config.grid_impulses_n_s.len() as u64;
     sessions + controllers * grid
@@ -51,20 +52,29 @@ pub fn judge(
     progress.phase("judging every session on common pushes");
     let judge = Judge { config, folder, progress, scenario: config.train_scenario().map_err(ConfigError::from)? };
     let start = judge.rewards("start", &Controller::Constants(config.start_set()?))?;
-    let mut judged = BTreeMap::new();
+    let (mut judged, mut handed_on) = (BTreeMap::new(), BTreeMap::new());
     for chain in chains {
         for (index, trained) in chain.sessions.iter().enumerate() {
             let controller = trained.controller(chain.base(index), Scope::SESSIONS[index]);
             let name = format!("{}-seed-{}-session-{}", chain.method.folder(), chain.seed, index + 1);
-            judged.insert((chain.method, chain.seed, index), judge.rewards(&name, &controller)?);
+            let rewards = judge.rewards(&name, &controller)?;
+            // An agent that acts by state hands on a set, which is worth something else.
+            handed_on.insert(
+                (chain.method, chain.seed, index),
+                match &trained.policy {
+                    Some(_) => judge.rewards(&format!("{name}-set"), &Controller::Constants(trained.constants))?,
+                    None => rewards.clone(),
+                },
+            );
+            judged.insert((chain.method, chain.seed, index), rewards);
         }
     }
-    let sessions = (0..3).map(|index| session_report(config, chains, &start, &judged, index)).collect();
+    let sessions = (0..3).map(|index| session_report(config, chains, &start, [&handed_on, &judged], index)).collect();
 
     let chosen: Vec<&Chain> = config
         .methods
         .iter()
-        .filter_map(|method| median_chain(chains, *method, |chain| mean(&judged[&(*method, chain.seed, 2)])))
+        .filter_map(|method| median_chain(chains, *method, |chain| mean(&handed_on[&(*method, chain.seed, 2)])))
         .collect();
     progress.phase("comparing controllers on push grids");
     let mut evaluations = vec![];
@@ -155,11 +165,13 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Rewards on the training scenario with pushes of the judge's own, one per episode.
-    fn rewards(&self, name: &str, controller: &Controller) -> Result<Vec<f64>, TrainError> {
+    /// Rewards on the training scenario with pushes of the judge's own, one per episode; `None` where the simulation failed.
+    fn rewards(&self, name: &str, controller: &Controller) -> Result<Vec<Option<f64>>, TrainError> {
         let robots = self.config.robots().map_err(ConfigError::from)?;
         let results = self.kept(name, controller, &robots, &self.scenario, self.config.judged_episodes.into())?;
-        Ok(results.iter().map(|result| result.reward(self.config.reward).into()).collect())
+        let reward =
+            |result: &EpisodeResult| result.outcome.is_valid().then(|| result.reward(self.config.reward).into());
+        Ok(results.iter().map(reward).collect())
     }
 
     /// Results from the folder, or made now and kept there.
@@ -217,23 +229,26 @@ impl Judge<'_> {
     }
 }
 
+/// Rewards by method, seed and session.
+type Judged = BTreeMap<(Method, u64, usize), Vec<Option<f64>>>;
+
 fn session_report(
     config: &TrainConfig,
     chains: &[Chain],
-    start: &[f64],
-    judged: &BTreeMap<(Method, u64, usize), Vec<f64>>,
+    start: &[Option<f64>],
+    [handed_on, judged]: [&Judged; 2],
     index: usize,
 ) -> SessionReport {
     let learners = config.methods.iter().filter_map(|method| {
         let seeds = chains.iter().filter(|chain| chain.method == *method).map(|chain| chain.seed);
-        let before: Vec<Vec<f64>> = seeds
+        let before: Vec<Vec<Option<f64>>> = seeds
             .clone()
             .map(|seed| match index.checked_sub(1) {
-                Some(earlier) => judged[&(*method, seed, earlier)].clone(),
+                Some(earlier) => handed_on[&(*method, seed, earlier)].clone(),
                 None => start.to_vec(),
             })
             .collect();
-        let after: Vec<Vec<f64>> = seeds.map(|seed| judged[&(*method, seed, index)].clone()).collect();
+        let after: Vec<Vec<Option<f64>>> = seeds.map(|seed| judged[&(*method, seed, index)].clone()).collect();
         // Both lists have one entry per seed and one number per judged episode.
         LearnerReport::new(method.name(), &before, &after, config.seed).ok()
     });
@@ -258,8 +273,9 @@ fn median_chain(chains: &[Chain], method: Method, reward: impl Fn(&Chain) -> f64
     ranked.get(ranked.len().saturating_sub(1) / 2).map(|(_, chain)| *chain)
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+fn mean(values: &[Option<f64>]) -> f64 {
+    let valid: Vec<f64> = values.iter().flatten().copied().collect();
+    valid.iter().sum::<f64>() / valid.len().max(1) as f64
 }
 
 fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Result<Vec<ParameterRow>, ConfigError> {

@@ -211,18 +211,20 @@ impl Session {
         Ok(trained)
     }
 
-    /// Rewards of `set` less those of the session's start, push by push.
+    /// Rewards of `set` less those of the session's start, push by push, but for pushes on which the simulation failed.
     fn differences(&self, set: &ParamSet) -> Result<Vec<f32>, TrainError> {
         let reward = |set: &ParamSet, index: u64| {
             let episode = self.scenario.episode(VALIDATION_SEED + self.seed, index);
             let robot =
                 self.robots.of(episode_seed(VALIDATION_SEED + self.seed, index)).map_err(super::ConfigError::from)?;
             let result = run_episode(&Controller::Constants(*set), &robot, &episode, Watch::Nothing)?;
-            Ok::<f32, TrainError>(result.reward(self.reward))
+            Ok::<_, TrainError>(result.outcome.is_valid().then(|| result.reward(self.reward)))
         };
-        (0..u64::from(self.validation_episodes))
-            .map(|index| Ok(reward(set, index)? - reward(&self.base, index)?))
-            .collect()
+        let pairs = (0..u64::from(self.validation_episodes)).map(|index| {
+            let (set, start) = (reward(set, index)?, reward(&self.base, index)?);
+            Ok(set.zip(start).map(|(set, start)| set - start))
+        });
+        pairs.filter_map(Result::transpose).collect()
     }
 
     fn candidate(&mut self) -> Result<Trained, TrainError> {
@@ -266,19 +268,24 @@ impl Session {
     }
 }
 
+/// Worlds in a row that may be spoilt: a robot that never gets to stand must not be tried for ever.
+const SPOILT_AT_MOST: u64 = 50;
+
 /// An episode that the simulation spoils teaches nothing: the trainer is put back and goes on with the next world.
 fn enaf_episode(
     trainer: &mut Trainer,
     env: &mut RobotEnvironment,
     broken: &mut u32,
 ) -> Result<crate::enaf::EpisodeLog, TrainError> {
+    let mut spoilt = 0;
     loop {
         let before = trainer.clone();
         match trainer.episode(env) {
-            Err(EnafError::Environment(error)) if error.is::<BrokenWorld>() => {
+            Err(EnafError::Environment(error)) if error.is::<BrokenWorld>() && spoilt < SPOILT_AT_MOST => {
                 *trainer = before;
                 trainer.skip_world();
                 *broken += 1;
+                spoilt += 1;
             }
             other => return Ok(other?),
         }
@@ -297,11 +304,30 @@ fn search_episode(
     loop {
         let world = episode_seed(seed, u64::from(episode) + (attempt << 32));
         match run_constant(env, action, world, horizon) {
-            Err(error) if error.is::<BrokenWorld>() => {
+            Err(error) if error.is::<BrokenWorld>() && attempt < SPOILT_AT_MOST => {
                 *broken += 1;
                 attempt += 1;
             }
             other => return other.map_err(|error| EnafError::Environment(error).into()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_that_never_gets_to_stand_is_an_error_and_not_tried_for_ever() {
+        let mut config = TrainConfig::default();
+        config.robot.robot.slope_pitch_rad = -0.3;
+        config.robot.robot.com_shift_m = [-0.15, 0.0, 0.0];
+        for method in [Method::Random, Method::Enaf] {
+            let folder = tempfile::tempdir().unwrap();
+            let start = config.start_set().unwrap();
+            let mut session = Session::open(&config, method, Scope::SESSIONS[0], start, 1, folder.path()).unwrap();
+            let error = session.run(&config, |_| Ok::<(), TrainError>(())).unwrap_err();
+            assert!(error.to_string().contains("able to stand"), "{error}");
         }
     }
 }
