@@ -12,7 +12,7 @@ use crate::run::{
     write_atomic,
 };
 
-const HEADER: &str = "# The set the firmware is built with: with no host and an empty memory the robot balances on it.\n\
+const HEADER: &str = "# The set the firmware is built with: what an armed robot balances on if its memory is empty.\n\
     # Read at build time by firmware/build.rs.\n\n";
 
 /// What was baked.

@@ -145,11 +145,6 @@ impl<P: Port> Can<P> {
         let _ = self.controller.tx.cancel_multi((0..4_usize).collect());
     }
 
-    /// Whether a frame can be queued.
-    pub fn has_room(&self) -> bool {
-        !self.controller.aux.tx_buffer_full()
-    }
-
     /// The next frame received.
     pub fn receive(&mut self) -> Option<Frame> {
         // A frame has room for what the controller can receive.

@@ -15,14 +15,12 @@ pub struct BusOutbox {
     halt: Option<HaltReason>,
     commands: Deque<Message, 4>,
     motion: Option<Motion>,
-    /// Motion messages replaced by newer ones before they were sent; wraps.
-    pub replaced: u32,
 }
 
 impl BusOutbox {
     /// Empty.
     pub const fn new() -> Self {
-        BusOutbox { halt: None, commands: Deque::new(), motion: None, replaced: 0 }
+        BusOutbox { halt: None, commands: Deque::new(), motion: None }
     }
 
     /// Brakes now: takes back a motion message that has not left yet.
@@ -33,9 +31,7 @@ impl BusOutbox {
 
     /// The newest IMU products.
     pub fn motion(&mut self, motion: Motion) {
-        if self.motion.replace(motion).is_some() {
-            self.replaced = self.replaced.wrapping_add(1);
-        }
+        self.motion = Some(motion);
     }
 
     /// A staging or activation. False if there is no room: its sender repeats it anyway.
@@ -65,20 +61,18 @@ pub struct HostOutbox {
     /// Whole frames, one after the other: their delimiters tell them apart.
     replies: Deque<u8, REPLY_BYTES>,
     telemetry: Option<Bytes>,
-    /// Replies and events that found no room; wraps. A host repeats what it gets no reply to.
-    pub lost_replies: u32,
 }
 
 impl HostOutbox {
     /// Empty.
     pub const fn new() -> Self {
-        HostOutbox { replies: Deque::new(), telemetry: None, lost_replies: 0 }
+        HostOutbox { replies: Deque::new(), telemetry: None }
     }
 
     /// An answer or an event.
     pub fn reply(&mut self, bytes: Bytes) {
         if self.replies.capacity() - self.replies.len() < bytes.len() {
-            self.lost_replies = self.lost_replies.wrapping_add(1);
+            // A host repeats what it gets no reply to.
             return;
         }
         for byte in bytes {

@@ -49,12 +49,16 @@ proptest! {
     fn any_input_is_survived_and_motion_follows_only_an_arm(
         inputs in prop::collection::vec((input(), prop_oneof![0u32..20_000, any::<u32>()]), 0..150),
         start in any::<u32>(),
+        gentle: bool,
     ) {
-        let mut coordinator = Coordinator::new(config());
-        let (mut bus, mut host) = (BusOutbox::new(), HostOutbox::new());
-        let mut now = start;
-        let mut armed = false;
-        for (input, dt) in inputs {
+        // Strange input alone hardly ever gets a robot armed: half of the cases begin with one that is, and leave its nodes
+        // as they are.
+        let rig = if gentle { Rig::armed(config()) } else { Rig::at(config(), start) };
+        let Rig { mut coordinator, mut bus, mut host, mut now, .. } = rig;
+        let mut armed = gentle;
+        for (sequence, (input, dt)) in inputs.into_iter().enumerate() {
+            let sequence = 1000 + sequence as u16;
+            let dt = if gentle { dt % 5_000 } else { dt };
             now = now.wrapping_add(dt);
             match input {
                 Input::Bus(id, data) => {
@@ -65,11 +69,11 @@ proptest! {
                 Input::Command(session, which, generation) => {
                     let command = command(which, generation);
                     armed |= matches!(command, Command::Arm { .. });
-                    let bytes = ToRobot::Command(command).encode(session, 1).expect("fits");
+                    let bytes = ToRobot::Command(command).encode(session, sequence).expect("fits");
                     coordinator.on_host_bytes(now, &bytes, &mut bus, &mut host);
                 }
                 Input::Stop => {
-                    let bytes = ToRobot::EStop.encode(0, 1).expect("fits");
+                    let bytes = ToRobot::EStop.encode(0, sequence).expect("fits");
                     coordinator.on_host_bytes(now, &bytes, &mut bus, &mut host);
                     armed = false;
                     prop_assert_eq!(coordinator.mode(), Mode::Braked);
@@ -77,6 +81,7 @@ proptest! {
                 Input::Imu(accel, gyro) => coordinator.on_imu(now, &ImuSample { accel, gyro }, &mut bus),
                 Input::Node(node, applied, boot_nonce) => {
                     let id = NodeId::ALL[node as usize];
+                    let (applied, boot_nonce) = if gentle { (0, 1) } else { (applied, boot_nonce) };
                     let status = FakeNode { applied: (applied, default_set()), nonce: boot_nonce, ..FakeNode::new(id, default_set()) }
                         .tick()
                         .pop()
