@@ -181,8 +181,11 @@ impl HostSession {
         self.forget_waiting(unsafe_after_a_silence);
     }
 
-    /// Unlatches the emergency stop; the robot stays braked until armed.
+    /// Unlatches the emergency stop; the robot stays braked until armed. As [`HostSession::arm`], not into a pulled cable.
     pub fn clear_e_stop(&mut self) -> Result<(), NotNow> {
+        if self.state != State::Open {
+            return Err(NotNow::NotConnected);
+        }
         self.request(Command::ClearEStop)
     }
 
