@@ -42,7 +42,7 @@ struct Cli {
 enum Verb {
     /// Train the three sessions in simulation, compare, and write a report.
     #[command(after_help = "Examples:\n  sarah train                     everything, into runs/train-1\n  \
-        sarah train --quick             the same path with small numbers, under a minute\n  \
+        sarah train --quick             the same path with small numbers, about a minute\n  \
         sarah train --seed 7 --out runs/seven\n  \
         sarah train --resume runs/seven  after it was cut off; ends bit-identical\n  \
         sarah train --print-config > my.toml && sarah train --config my.toml\n  \
