@@ -181,8 +181,8 @@ impl Coordinator {
                 }
                 let news = self.generations.on_status(node, &status, &self.nodes);
                 self.report(news, bus, host);
-                if self.safety.mode() == Mode::Armed && self.nodes.unfit(node) {
-                    self.halt(HaltReason::NodeFault, bus, host);
+                if self.nodes.unfit(node) {
+                    self.halt_if_armed(HaltReason::NodeFault, bus, host);
                 }
             }
             _ => {}

@@ -20,6 +20,7 @@ use crate::run::{
     Layout, MetricsTable, Origin, RunError, RunFolder, RunInfo, param_set_text, param_specs, read_metrics, read_text,
     write_atomic,
 };
+use crate::stats::mean;
 use crate::task::action::Scope;
 use crate::task::reward::RewardForm;
 use crate::task::robots::Robots;
@@ -74,7 +75,12 @@ pub fn judge(
     let chosen: Vec<&Chain> = config
         .methods
         .iter()
-        .filter_map(|method| median_chain(chains, *method, |chain| mean(&handed_on[&(*method, chain.seed, 2)])))
+        .filter_map(|method| {
+            median_chain(chains, *method, |chain| {
+                let valid: Vec<f64> = handed_on[&(*method, chain.seed, 2)].iter().flatten().copied().collect();
+                mean(&valid).unwrap_or_default()
+            })
+        })
         .collect();
     progress.phase("comparing controllers on push grids");
     let mut evaluations = vec![];
@@ -271,11 +277,6 @@ fn median_chain(chains: &[Chain], method: Method, reward: impl Fn(&Chain) -> f64
         chains.iter().filter(|chain| chain.method == method).map(|chain| (reward(chain), chain)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     ranked.get(ranked.len().saturating_sub(1) / 2).map(|(_, chain)| *chain)
-}
-
-fn mean(values: &[Option<f64>]) -> f64 {
-    let valid: Vec<f64> = values.iter().flatten().copied().collect();
-    valid.iter().sum::<f64>() / valid.len().max(1) as f64
 }
 
 fn parameters(config: &TrainConfig, chains: &[Chain], chosen: &ParamSet) -> Result<Vec<ParameterRow>, ConfigError> {

@@ -65,22 +65,25 @@ impl Trained {
 /// Whether a session's constants are better than its start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Validation {
-    /// Mean paired difference of the reward.
-    mean: f32,
+    /// Mean paired difference of the reward; absent if the simulation left fewer than two.
+    mean: Option<f32>,
     /// Its standard error.
-    standard_error: f32,
+    standard_error: Option<f32>,
     /// Whether the constants go to the next session.
     handed_on: bool,
 }
 
 impl Validation {
-    /// From at least two paired differences.
+    /// From paired differences. Fewer than two tell nothing, and nothing is handed on.
     fn of(differences: &[f32]) -> Validation {
+        if differences.len() < 2 {
+            return Validation { mean: None, standard_error: None, handed_on: false };
+        }
         let n = differences.len() as f32;
         let mean = differences.iter().sum::<f32>() / n;
         let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f32>() / (n - 1.0);
         let standard_error = (variance / n).sqrt();
-        Validation { mean, standard_error, handed_on: mean > 0.0 }
+        Validation { mean: Some(mean), standard_error: Some(standard_error), handed_on: mean > 0.0 }
     }
 }
 
@@ -316,6 +319,18 @@ fn search_episode(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_validation_that_the_simulation_spoilt_hands_nothing_on_and_can_be_read_again() {
+        for (differences, handed_on) in
+            [(&[][..], false), (&[0.5], false), (&[0.25, 0.5], true), (&[-0.5, 0.25], false)]
+        {
+            let validation = Validation::of(differences);
+            assert_eq!(validation.handed_on, handed_on);
+            let text = serde_json::to_string(&validation).unwrap();
+            assert_eq!(serde_json::from_str::<Validation>(&text).unwrap(), validation);
+        }
+    }
 
     #[test]
     fn a_robot_that_never_gets_to_stand_is_an_error_and_not_tried_for_ever() {

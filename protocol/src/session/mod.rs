@@ -178,7 +178,7 @@ impl HostSession {
     pub fn e_stop(&mut self) {
         self.stop = Some(self.number(ToRobot::EStop));
         // Neither an arming nor a clearing of before may follow the stop.
-        self.forget_waiting(unsafe_after_a_silence);
+        self.forget_waiting(lets_move);
     }
 
     /// Unlatches the emergency stop; the robot stays braked until armed. As [`HostSession::arm`], not into a pulled cable.
@@ -304,7 +304,7 @@ impl HostSession {
             // Full: the newer requests are kept.
             let _ = self.queue.push_front(command);
         }
-        self.forget_waiting(unsafe_after_a_silence);
+        self.forget_waiting(lets_move);
     }
 
     fn forget(&mut self, sequence: u16) {
@@ -328,7 +328,7 @@ impl HostSession {
 }
 
 /// Words that let the robot move, or a stop be forgotten: they hold for the moment they are spoken in.
-fn unsafe_after_a_silence(command: &Command) -> bool {
+fn lets_move(command: &Command) -> bool {
     matches!(command, Command::Arm { .. } | Command::ClearEStop)
 }
 
