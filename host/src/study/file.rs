@@ -7,6 +7,7 @@
 //! [[arm]]                                   # the first is the one that the others are compared with
 //! name = "default"
 //! controller = "default"                    # default, braked, table-ii; or params = "runs/train-1"
+//! toward = { controller = "table-ii", share = 0.25 }  # a quarter of the way to another set; or params = "…"
 //! shift.P1 = 0.1                            # a tenth of the way between the parameter's limits, upwards
 //! shift_stepping.H2 = -0.1                  # this one only in a second after one with a step
 //!
@@ -101,12 +102,26 @@ pub struct ControllerArm {
     pub controller: Option<ControllerName>,
     /// A parameter file, or the folder of a run.
     pub params: Option<PathBuf>,
+    /// Another set that it lies nearer to.
+    pub toward: Option<Toward>,
     /// What is added to parameters of the set, by symbol, as a share of the width of their limits, at which it ends.
     #[serde(default)]
     pub shift: BTreeMap<String, f32>,
     /// What is added beyond that for the seconds that follow one with a step.
     #[serde(default)]
     pub shift_stepping: BTreeMap<String, f32>,
+}
+
+/// A share of the straight way to another set.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Toward {
+    /// The other set, if it needs no file.
+    pub controller: Option<ControllerName>,
+    /// The other set's file, or the folder of a run.
+    pub params: Option<PathBuf>,
+    /// 0 is the arm's own set, 1 the other.
+    pub share: f32,
 }
 
 /// Controllers that need no file.

@@ -4,8 +4,7 @@
 //!  file ─► plan ─► units ─► evaluated/*.json ─► tables, figures, report.md
 //! ```
 //!
-//! - [`mod@file`]: what people write. [`plan`]: the same, resolved and checked;
-//!   the seeds of judging.
+//! - [`mod@file`]: what people write. [`plan`], [`balancer`]: the same, resolved and checked; the seeds of judging.
 //! - [`mod@unit`]: what is done at one go and saved as it finishes. [`run`]: doing it. [`sittings`]: how long it took.
 //! - [`compare`], [`learning`]: from saved episodes to rows. [`pages_evaluation`], [`pages_training`], [`report`]: from
 //!   rows to what is read. [`document`]: the same into a document.
@@ -14,6 +13,7 @@
 //! training study, `params/` (the set of each arm's median seed) added. The
 //! same file gives the same bytes in `evaluated/`, `tables/` and `figures/`, killed and taken up again or not.
 
+pub mod balancer;
 pub mod compare;
 pub mod document;
 pub mod file;

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use super::balancer::Balancer;
 use super::compare::{CellData, CellRow, DifferenceRow, DirectionRow, Measure, differences};
-use super::plan::{Balancer, EvaluationPlan};
+use super::plan::EvaluationPlan;
 use super::report::{Pages, csv};
 use crate::figures::{PushMap, SpreadRow, push_map, spreads};
 use crate::metrics::{EpisodeResult, Outcome, by_direction};

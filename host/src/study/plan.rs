@@ -10,21 +10,18 @@
 //! | judging by a study: pushes, sensor errors | from 2⁶¹ |
 //! | draws of a study: the robot of each episode | from 2⁶² |
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use sarah_firmware::default_params;
-use sarah_protocol::params::{ParamSet, SPECS};
 use sarah_sim::scenario::{Overrides, Scenario};
 use sarah_sim::sil::SilConfig;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use super::StudyError;
-use super::file::{ConditionFile, ControllerArm, ControllerName, EvaluationFile, MethodArm, StudyFile, TrainingFile};
-use crate::evaluate::Controller;
+use super::balancer::Balancer;
+use super::file::{ConditionFile, EvaluationFile, MethodArm, StudyFile, TrainingFile};
 use crate::link::sim::SimRobot;
 use crate::overrides::overridden;
-use crate::run::load_param_set;
 use crate::task::action::Scope;
 use crate::task::robots::Robots;
 use crate::train::TrainConfig;
@@ -56,20 +53,6 @@ pub struct EvaluationPlan {
     pub arms: Vec<Balancer>,
     /// Under what.
     pub conditions: Vec<Condition>,
-}
-
-/// A controller with its name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Balancer {
-    /// Its name.
-    pub name: String,
-    /// The constant set; without one the brakes stay on.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub set: Option<Vec<f32>>,
-    /// Another for the seconds that follow one with a step.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stepping: Option<Vec<f32>>,
 }
 
 /// Scenario and robot.
@@ -166,22 +149,6 @@ impl Plan {
     }
 }
 
-impl Balancer {
-    /// The controller itself.
-    pub fn controller(&self) -> Result<Controller, StudyError> {
-        let wrong = |why: String| StudyError::Part { part: format!("arm {}", self.name), why };
-        let set = |values: &Vec<f32>| {
-            let raw = values.as_slice().try_into().map_err(|_| wrong("has not 13 parameters".into()))?;
-            ParamSet::new(raw).map_err(|why| wrong(why.to_string()))
-        };
-        Ok(match (&self.set, &self.stepping) {
-            (None, _) => Controller::Braked,
-            (Some(values), None) => Controller::Constants(set(values)?),
-            (Some(resting), Some(stepping)) => Controller::TwoSets { resting: set(resting)?, stepping: set(stepping)? },
-        })
-    }
-}
-
 fn evaluation(file: &EvaluationFile) -> Result<EvaluationPlan, StudyError> {
     seed_in_range(file.seed)?;
     names("arm", file.arm.iter().map(|arm| arm.name.as_str()))?;
@@ -195,53 +162,12 @@ fn evaluation(file: &EvaluationFile) -> Result<EvaluationPlan, StudyError> {
     Ok(EvaluationPlan {
         title: file.title.clone(),
         seed: file.seed,
-        arms: file.arm.iter().map(balancer).collect::<Result<_, _>>()?,
+        arms: file.arm.iter().map(Balancer::of).collect::<Result<_, _>>()?,
         conditions: conditions
             .iter()
             .map(|own| condition(&own.over(&file.common), file.seed))
             .collect::<Result<_, _>>()?,
     })
-}
-
-fn balancer(arm: &ControllerArm) -> Result<Balancer, StudyError> {
-    let set = match (arm.controller, &arm.params) {
-        (Some(ControllerName::Default), None) => Some(default_params()),
-        (Some(ControllerName::TableIi), None) => Some(ParamSet::table_ii()),
-        (Some(ControllerName::Braked), None) => None,
-        (None, Some(path)) if path.is_dir() => Some(load_param_set(&path.join("params.toml"))?.0),
-        (None, Some(path)) => Some(load_param_set(path)?.0),
-        _ => {
-            let why = "give either controller (default, braked, table-ii) or params (a file or a run folder)".into();
-            return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
-        }
-    };
-    let Some(set) = set else {
-        if arm.shift.is_empty() && arm.shift_stepping.is_empty() {
-            return Ok(Balancer { name: arm.name.clone(), set: None, stepping: None });
-        }
-        let why = "has no parameters to shift: remove shift and shift_stepping".into();
-        return Err(StudyError::Part { part: format!("arm {}", arm.name), why });
-    };
-    let resting = shifted(set.values().to_vec(), &arm.name, "shift", &arm.shift)?;
-    let stepping = match arm.shift_stepping.is_empty() {
-        true => None,
-        false => Some(shifted(resting.clone(), &arm.name, "shift_stepping", &arm.shift_stepping)?),
-    };
-    Ok(Balancer { name: arm.name.clone(), set: Some(resting), stepping })
-}
-
-/// `values` with shifts; errors name the arm and the key.
-fn shifted(mut values: Vec<f32>, arm: &str, key: &str, shifts: &BTreeMap<String, f32>) -> Result<Vec<f32>, StudyError> {
-    for (symbol, share) in shifts {
-        let wrong = |why: String| StudyError::Part { part: format!("arm {arm}, {key}.{symbol}"), why };
-        let found = SPECS.iter().zip(&mut values).find(|(spec, _)| spec.symbol == symbol);
-        let Some((spec, value)) = found else { return Err(wrong("no parameter is called that; P1 to V5 are".into())) };
-        if !(-1.0..=1.0).contains(share) {
-            return Err(wrong(format!("{share}: give -1 to 1, a share of the width of its limits")));
-        }
-        *value = (*value + share * (spec.max - spec.min)).clamp(spec.min, spec.max);
-    }
-    Ok(values)
 }
 
 fn condition(own: &ConditionFile, seed: u64) -> Result<Condition, StudyError> {
@@ -358,39 +284,4 @@ fn names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result
         return Err(StudyError::Part { part: what.into(), why });
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn resolved(arm: &str) -> Result<Vec<f32>, String> {
-        let arm: ControllerArm = toml::from_str(arm).unwrap();
-        balancer(&arm).map(|balancer| balancer.set.unwrap()).map_err(|error| error.to_string())
-    }
-
-    #[test]
-    fn a_shift_moves_what_it_names_and_ends_at_the_limits() {
-        let plain = resolved("name = 'a'\ncontroller = 'default'").unwrap();
-        assert_eq!(plain, default_params().values());
-        let shifted = resolved("name = 'a'\ncontroller = 'default'\nshift.P1 = 0.25\nshift.H5 = 1.0").unwrap();
-        for (index, (spec, (plain, shifted))) in SPECS.iter().zip(plain.iter().zip(&shifted)).enumerate() {
-            let expected = match spec.symbol {
-                "P1" => plain + 0.25 * (spec.max - spec.min),
-                "H5" => spec.max,
-                _ => *plain,
-            };
-            assert_eq!(*shifted, expected, "parameter {index}");
-        }
-    }
-
-    #[test]
-    fn a_shift_of_nothing_or_by_nonsense_is_refused_by_name() {
-        for (shift, says) in [("Q1 = 0.1", "shift.Q1"), ("P1 = 2.0", "-1 to 1"), ("P1 = nan", "-1 to 1")] {
-            let error = resolved(&format!("name = 'a'\ncontroller = 'default'\nshift.{shift}")).unwrap_err();
-            assert!(error.contains("arm a") && error.contains(says), "{error}");
-        }
-        let braked = toml::from_str("name = 'a'\ncontroller = 'braked'\nshift.P1 = 0.1").unwrap();
-        assert!(balancer(&braked).unwrap_err().to_string().contains("remove shift"));
-    }
 }
