@@ -7,7 +7,7 @@ use super::plan::{EvaluationPlan, Plan};
 use super::unit::{Cell, Unit, cells};
 use crate::metrics::{EpisodeResult, Outcome, Summary, by_direction};
 use crate::run::Layout;
-use crate::stats::{Interval, Proportion, Statistic, paired_difference, wilson};
+use crate::stats::{Interval, Proportion, Statistic, mean, paired_difference, wilson};
 
 /// Seed of every bootstrap: tables depend on data alone.
 pub const BOOTSTRAP_SEED: u64 = 1;
@@ -62,6 +62,7 @@ pub struct CellRow {
     pub worst_direction_deg: Option<f32>,
     pub worst_direction_survival: Option<f64>,
     pub reward_gated: Option<f64>,
+    pub reward_gated_mean: Option<f64>,
     pub invalid: u32,
 }
 
@@ -89,6 +90,7 @@ impl CellRow {
             worst_direction_deg: sum.worst_direction_deg,
             worst_direction_survival: worst.and_then(|worst| worst.survival.fraction()),
             reward_gated: sum.reward_gated,
+            reward_gated_mean: mean(&data.results.iter().filter_map(|one| Measure::Reward.of(one)).collect::<Vec<_>>()),
             invalid: sum.invalid,
         }
     }
@@ -256,6 +258,7 @@ mod tests {
         assert!((row.survival_low - 0.3006).abs() < 1e-4 && (row.survival_high - 0.9544).abs() < 1e-4, "{row:?}");
         assert!((row.drift_3s_m_median.unwrap() - 0.02).abs() < 1e-6, "a fall's drift is none");
         assert_eq!((row.worst_direction_deg, row.worst_direction_survival), (Some(180.0), Some(0.0)));
+        assert_eq!((row.reward_gated, row.reward_gated_mean), (Some(0.75), Some(0.625)), "interquartile, and plain");
         let directions = DirectionRow::of(&data(0, results));
         let counts: Vec<_> = directions.iter().map(|row| (row.direction_deg, row.survived, row.episodes)).collect();
         assert_eq!(counts, [(0.0, 2, 2), (90.0, 1, 1), (180.0, 0, 1)]);

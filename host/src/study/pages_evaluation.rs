@@ -87,7 +87,8 @@ fn brief(plan: &EvaluationPlan, rows: &[CellRow]) -> Option<Table> {
     Some(Table { head: [head.to_owned()].into_iter().chain(columns.iter().cloned()).collect(), rows })
 }
 
-/// Where many arms meet scenarios with pushes of their own: what the first one earns, and what every other earns more.
+/// Where many arms meet scenarios with pushes of their own: what the first one earns, and what every other earns more, both
+/// means, so that they add up.
 fn rewards(plan: &EvaluationPlan, rows: &[CellRow], differences: &[DifferenceRow]) -> Option<Table> {
     if plan.arms.len() <= FEW_ARMS || rows.iter().any(|row| row.impulse_n_s.is_some()) {
         return None;
@@ -98,7 +99,7 @@ fn rewards(plan: &EvaluationPlan, rows: &[CellRow], differences: &[DifferenceRow
         let cell = |condition: &String| match index {
             0 => {
                 let found = rows.iter().find(|row| row.arm == arm.name && row.condition == *condition);
-                number(found.and_then(|row| row.reward_gated), 3)
+                number(found.and_then(|row| row.reward_gated_mean), 3)
             }
             _ => {
                 let found = differences
