@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use sarah::study::document::Document;
+
 use crate::place::*;
 
 fn committed(name: &str) -> PathBuf {
@@ -134,6 +136,16 @@ fn every_committed_study_is_accepted() {
         let output = command.current_dir(committed("../..")).output().expect("starts");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
+}
+
+#[test]
+fn every_committed_study_has_its_place_in_the_results() {
+    let files = fs::read_dir(committed("")).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let toml = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "toml");
+    let name = |file: PathBuf| file.file_stem().expect("a name").to_string_lossy().into_owned();
+    let studies: Vec<String> = files.filter(toml).map(name).collect();
+    assert!(!studies.is_empty());
+    Document::open(committed("../../docs/results.md"), &studies).expect("marks for each");
 }
 
 #[test]
