@@ -14,6 +14,11 @@ fn committed(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/studies").join(name)
 }
 
+fn committed_studies() -> Vec<PathBuf> {
+    let files = fs::read_dir(committed("")).expect("a folder").map(|entry| entry.expect("an entry").path());
+    files.filter(|file| file.extension().is_some_and(|extension| extension == "toml")).collect()
+}
+
 fn study(file: &Path, out: &Path) -> Command {
     sarah(&["study", "run", text(file), "--out", text(out)])
 }
@@ -129,8 +134,7 @@ fn a_training_study_is_taken_up_after_kills_and_ends_byte_identical() {
 
 #[test]
 fn every_committed_study_is_accepted() {
-    let files = fs::read_dir(committed("")).expect("a folder").map(|entry| entry.expect("an entry").path());
-    for file in files.filter(|file| file.extension().is_some_and(|extension| extension == "toml")) {
+    for file in committed_studies() {
         // Sets and programs that they name are given from the top of the project.
         let mut command = sarah(&["study", "run", text(&file), "--print-config"]);
         let output = command.current_dir(committed("../..")).output().expect("starts");
@@ -140,10 +144,8 @@ fn every_committed_study_is_accepted() {
 
 #[test]
 fn every_committed_study_has_its_place_in_the_results() {
-    let files = fs::read_dir(committed("")).expect("a folder").map(|entry| entry.expect("an entry").path());
-    let toml = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "toml");
-    let name = |file: PathBuf| file.file_stem().expect("a name").to_string_lossy().into_owned();
-    let studies: Vec<String> = files.filter(toml).map(name).collect();
+    let name = |file: &PathBuf| file.file_stem().expect("a name").to_string_lossy().into_owned();
+    let studies: Vec<String> = committed_studies().iter().map(name).collect();
     assert!(!studies.is_empty());
     Document::open(committed("../../docs/results.md"), &studies).expect("marks for each");
 }
