@@ -6,8 +6,6 @@ use cmaes::{CMAESOptions, DVector, Mode};
 
 use super::{Search, SearchError};
 
-/// Initial standard deviation, a fifth of the cube's width.
-const SIGMA: f64 = 0.4;
 /// Cost of leaving the cube, reward per squared action unit.
 const OUTSIDE: f64 = 0.1;
 
@@ -15,6 +13,7 @@ const OUTSIDE: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct CmaEs {
     start: Vec<f64>,
+    sigma: f64,
     seed: u64,
     rewards: Vec<f32>,
     /// Proposals of the generation under way.
@@ -23,10 +22,10 @@ pub struct CmaEs {
 }
 
 impl CmaEs {
-    /// A search from `start`, continued from the rewards of its first episodes.
-    pub fn new(start: &[f32], seed: u64, rewards: Vec<f32>) -> CmaEs {
+    /// A search from `start` with the initial standard deviation `sigma`, continued from the rewards of its first episodes.
+    pub fn new(start: &[f32], sigma: f64, seed: u64, rewards: Vec<f32>) -> CmaEs {
         let start: Vec<f64> = start.iter().map(|x| f64::from(*x)).collect();
-        let mut search = CmaEs { mean: start.clone(), start, seed, rewards, batch: vec![] };
+        let mut search = CmaEs { mean: start.clone(), start, sigma, seed, rewards, batch: vec![] };
         search.replay();
         search
     }
@@ -43,7 +42,7 @@ impl CmaEs {
             rewards.get(index).map_or(0.0, |reward| f64::from(*reward) - OUTSIDE * outside)
         };
         // No convergence test: the budget of episodes ends the search.
-        let options = CMAESOptions::new(self.start.clone(), SIGMA)
+        let options = CMAESOptions::new(self.start.clone(), self.sigma)
             .mode(Mode::Maximize)
             .seed(self.seed)
             .tol_fun(0.0)
@@ -96,13 +95,15 @@ impl Search for CmaEs {
 mod tests {
     use super::*;
 
+    const SIGMA: f64 = 0.4;
+
     fn reward(x: &[f32]) -> f32 {
         1.0 - x.iter().zip([0.3, -0.5, 0.7]).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
     }
 
     #[test]
     fn it_finds_the_optimum_of_a_bowl_from_the_cube_s_middle() {
-        let mut search = CmaEs::new(&[0.0; 3], 1, vec![]);
+        let mut search = CmaEs::new(&[0.0; 3], SIGMA, 1, vec![]);
         for _ in 0..210 {
             let x = search.ask().unwrap();
             search.tell(reward(&x)).unwrap();
@@ -113,15 +114,15 @@ mod tests {
 
     #[test]
     fn going_on_from_the_journal_proposes_what_would_have_come() {
-        let mut whole = CmaEs::new(&[0.0; 3], 5, vec![]);
+        let mut whole = CmaEs::new(&[0.0; 3], SIGMA, 5, vec![]);
         let mut journal = vec![];
         for episode in 0..60 {
-            let mut resumed = CmaEs::new(&[0.0; 3], 5, journal.clone());
+            let mut resumed = CmaEs::new(&[0.0; 3], SIGMA, 5, journal.clone());
             let x = whole.ask().unwrap();
             assert_eq!(resumed.ask().unwrap(), x, "episode {episode}");
             journal.push(reward(&x));
             whole.tell(reward(&x)).unwrap();
         }
-        assert_eq!(CmaEs::new(&[0.0; 3], 5, journal).recommend().unwrap(), whole.recommend().unwrap());
+        assert_eq!(CmaEs::new(&[0.0; 3], SIGMA, 5, journal).recommend().unwrap(), whole.recommend().unwrap());
     }
 }

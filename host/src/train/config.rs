@@ -75,6 +75,8 @@ pub struct TrainConfig {
     /// Program and arguments of the method `external`, started where the trainer was.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub external: Vec<String>,
+    /// First standard deviation of the method `cma-es`, in a cube of width 2.
+    pub cma_sigma: f64,
     /// Port of the robot that is trained, as --link has it; without it the simulated one is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<Target>,
@@ -115,6 +117,7 @@ impl Default for TrainConfig {
             start_as_run: None,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
             external: vec![],
+            cma_sigma: 0.4,
             link: None,
             scenario: "train".into(),
             scenario_as_run: None,
@@ -210,6 +213,7 @@ impl TrainConfig {
             ("seed", self.seed < 1 << 40, "below 2^40"),
             ("episodes", (1..=100_000).contains(&self.episodes), "1 to 100000"),
             ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random, external"),
+            ("cma_sigma", self.cma_sigma > 0.0 && self.cma_sigma <= 2.0, "above 0, at most 2"),
             ("validation_episodes", (2..=100_000).contains(&self.validation_episodes), "2 to 100000"),
             ("judged_episodes", (2..=100_000).contains(&self.judged_episodes), "2 to 100000"),
             ("grid_repeats", (1..=1000).contains(&self.grid_repeats), "1 to 1000"),

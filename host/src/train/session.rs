@@ -121,7 +121,7 @@ impl Session {
                 let search: Box<dyn Search + Send> = match method {
                     Method::Random => Box::new(RandomSearch::new(&start, budget, seed, told.clone())),
                     Method::External => Box::new(ExternalSearch::new(&config.external, &start, budget, seed, &told)?),
-                    _ => Box::new(CmaEs::new(&start, seed, told.clone())),
+                    _ => Box::new(CmaEs::new(&start, config.cma_sigma, seed, told.clone())),
                 };
                 Learner::Search { search, told }
             }
