@@ -55,6 +55,11 @@ impl RobotEnvironment {
         RobotEnvironment { robots, scenario, base, scope, form, run: None }
     }
 
+    /// Other robots, from the next reset on.
+    pub fn inhabit(&mut self, robots: Robots) {
+        self.robots = robots;
+    }
+
     /// Decisions in a full episode.
     pub fn horizon(&self) -> usize {
         horizon(&self.scenario)

@@ -64,6 +64,9 @@ pub struct TrainConfig {
     pub seeds: u64,
     /// Episodes per session and method.
     pub episodes: u32,
+    /// Episodes of each session on the robot as it is built, before it becomes what `robot` and `draw` say: what is judged
+    /// is the robot that it has become.
+    pub nominal_episodes: u32,
     /// What the first session begins with: `table-ii`, `default`, or the path of a parameter file or of a run.
     pub start: Start,
     /// The set of that file, as it was when the run began, in Table I's order; a run's own record has it. Goes before the
@@ -113,6 +116,7 @@ impl Default for TrainConfig {
             seed: 1,
             seeds: 5,
             episodes: 120,
+            nominal_episodes: 0,
             start: Start::default(),
             start_as_run: None,
             methods: vec![Method::Enaf, Method::EnafPaper, Method::CmaEs],
@@ -212,6 +216,7 @@ impl TrainConfig {
             ("seeds", (1..=1000).contains(&self.seeds), "1 to 1000"),
             ("seed", self.seed < 1 << 40, "below 2^40"),
             ("episodes", (1..=100_000).contains(&self.episodes), "1 to 100000"),
+            ("nominal_episodes", self.nominal_episodes < self.episodes, "fewer than episodes"),
             ("methods", !self.methods.is_empty(), "at least one of enaf, enaf-paper, cma-es, random, external"),
             ("cma_sigma", self.cma_sigma > 0.0 && self.cma_sigma <= 2.0, "above 0, at most 2"),
             ("validation_episodes", (2..=100_000).contains(&self.validation_episodes), "2 to 100000"),
@@ -245,6 +250,10 @@ impl TrainConfig {
         }
         if self.link.is_some() && !self.draw.is_empty() {
             return Err(ConfigError::Field { field: "draw", rule: "left out on a robot, which is the one it is" });
+        }
+        if self.link.is_some() && self.nominal_episodes > 0 {
+            let rule = "0 on a robot, which stays the one it is";
+            return Err(ConfigError::Field { field: "nominal_episodes", rule });
         }
         self.enaf.validate()?;
         self.robots()?;

@@ -17,6 +17,7 @@ use crate::task::observation;
 use crate::task::reward::RewardForm;
 use crate::task::robots::Robots;
 use sarah_sim::scenario::Scenario;
+use sarah_sim::sil::SilConfig;
 
 /// Seeds of validation lie here, between those of training and of judging.
 const VALIDATION_SEED: u64 = 1 << 59;
@@ -34,6 +35,7 @@ pub struct Session {
     seed: u64,
     scenario: Scenario,
     robots: Robots,
+    nominal_episodes: u32,
     reward: RewardForm,
     validation_episodes: u32,
     env: RobotEnvironment,
@@ -126,8 +128,20 @@ impl Session {
                 Learner::Search { search, told }
             }
         };
-        let (reward, validation_episodes) = (config.reward, config.validation_episodes);
-        Ok(Session { method, scope, base, seed, scenario, robots, reward, validation_episodes, env, learner, journal })
+        Ok(Session {
+            method,
+            scope,
+            base,
+            seed,
+            scenario,
+            robots,
+            nominal_episodes: config.nominal_episodes,
+            reward: config.reward,
+            validation_episodes: config.validation_episodes,
+            env,
+            learner,
+            journal,
+        })
     }
 
     /// Episodes done.
@@ -138,6 +152,10 @@ impl Session {
     /// One more episode; its mean reward.
     pub fn episode(&mut self) -> Result<f32, TrainError> {
         let mut broken = 0;
+        self.env.inhabit(match self.journal.episodes() < self.nominal_episodes {
+            true => Robots::alike(SilConfig::default()),
+            false => self.robots.clone(),
+        });
         let (row, set) = match &mut self.learner {
             Learner::Enaf(trainer) => {
                 let log = enaf_episode(trainer, &mut self.env, &mut broken)?;
@@ -329,6 +347,22 @@ mod tests {
             assert_eq!(validation.handed_on, handed_on);
             let text = serde_json::to_string(&validation).unwrap();
             assert_eq!(serde_json::from_str::<Validation>(&text).unwrap(), validation);
+        }
+    }
+
+    #[test]
+    fn the_robot_becomes_another_one_after_its_nominal_episodes_however_often_the_session_is_opened() {
+        let mut config = TrainConfig { nominal_episodes: 2, episodes: 3, ..TrainConfig::default() };
+        config.robot.robot.com_shift_m = [-0.3, 0.0, 0.0];
+        let folder = tempfile::tempdir().unwrap();
+        for episode in 0..3 {
+            let start = config.start_set().unwrap();
+            let mut session =
+                Session::open(&config, Method::Random, Scope::SESSIONS[0], start, 1, folder.path()).unwrap();
+            assert_eq!(session.episodes(), episode);
+            let done = session.episode();
+            assert_eq!(done.is_ok(), episode < 2, "{done:?}");
+            session.save().unwrap();
         }
     }
 
